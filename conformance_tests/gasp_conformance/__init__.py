@@ -1,0 +1,1 @@
+"""The checks every GASP point engine has to pass."""

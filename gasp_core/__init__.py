@@ -1,0 +1,1 @@
+"""GASP: trained Gaussian splats, moved by physics, with any engine."""

@@ -1,0 +1,82 @@
+"""Checks on the numbers and arrays that enter the contract."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import SceneError
+
+__all__ = ["finite", "finite_vector", "frozen_array", "negative_or_zero_refused", "unit_vector"]
+
+Vector = tuple[float, float, float]
+
+
+def finite(owner: object, name: str, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False) -> None:
+    """Refuse a number of a dataclass outside [low, high] ((low, high] if `open_low`), naming class and field."""
+    value = getattr(owner, name)
+    where = f"{type(owner).__name__}.{name}"
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise SceneError(f"{where} must be a number, found {value!r}")
+    if not math.isfinite(value):
+        raise SceneError(f"{where} must be finite, found {value!r}")
+    if value < low or value > high or (open_low and value == low):
+        bounds = f"> {low:g}" if open_low else f">= {low:g}"
+        if high != math.inf:
+            bounds += f" and <= {high:g}"
+        raise SceneError(f"{where} must be {bounds}, found {value!r}")
+
+
+def negative_or_zero_refused(owner: object, *names: str) -> None:
+    """Refuse numbers that are not > 0."""
+    for name in names:
+        finite(owner, name, low=0.0, open_low=True)
+
+
+def finite_vector(owner: object, name: str) -> None:
+    """Replace a field by a tuple of three finite floats, or refuse it."""
+    value = getattr(owner, name)
+    where = f"{type(owner).__name__}.{name}"
+    try:
+        vector = tuple(float(component) for component in value)
+    except (TypeError, ValueError):
+        raise SceneError(f"{where} must be three numbers, found {value!r}") from None
+    if len(vector) != 3 or not all(math.isfinite(component) for component in vector):
+        raise SceneError(f"{where} must be three finite numbers, found {value!r}")
+    object.__setattr__(owner, name, vector)
+
+
+def unit_vector(owner: object, name: str) -> None:
+    """Replace a field by its direction, or refuse a zero vector."""
+    finite_vector(owner, name)
+    vector: Vector = getattr(owner, name)
+    length = math.hypot(*vector)
+    if length == 0.0:
+        raise SceneError(f"{type(owner).__name__}.{name} must not be the zero vector")
+    object.__setattr__(owner, name, tuple(component / length for component in vector))
+
+
+def frozen_array(
+    owner: object, name: str, shape: tuple[int | None, ...], dtype: type[np.generic], *, what: str = "row"
+) -> NDArray[Any]:
+    """Replace a field by an owned, read-only, finite array of the given shape, or refuse it.
+
+    `None` in `shape` is any length. The first offending rows are named, because that is what one searches for.
+    """
+    where = f"{type(owner).__name__}.{name}"
+    array = np.array(getattr(owner, name), dtype=dtype, order="C")
+    if len(array.shape) != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape)):
+        wanted = "(" + ", ".join("N" if want is None else str(want) for want in shape) + ")"
+        raise SceneError(f"{where} has shape {array.shape}, expected {wanted}")
+    if np.issubdtype(dtype, np.floating):
+        good = np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        if not good.all():
+            bad = np.flatnonzero(~good)
+            first = ", ".join(str(index) for index in bad[:5])
+            raise SceneError(f"{where} is not finite in {len(bad)} {what}(s), first {first}")
+    array.flags.writeable = False
+    object.__setattr__(owner, name, array)
+    return array
