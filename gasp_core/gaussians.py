@@ -67,7 +67,7 @@ class Gaussians:
     @property
     def sh_degree(self) -> int:
         """Degree of the spherical harmonics."""
-        return int(round(self.harmonics.shape[1] ** 0.5)) - 1
+        return round(self.harmonics.shape[1] ** 0.5) - 1
 
     def covariances(self) -> Array:
         """Covariance matrices R S^2 R^T, (N, 3, 3), float64."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -102,8 +103,7 @@ def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: Eng
     if accuracy.substep is None:
         return
     used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
-    material = min(used, key=lambda candidate: rest_bound(candidate, spacing))
-    bound = rest_bound(material, spacing)
+    bound, material = min(((rest_bound(each, spacing), each) for each in used), key=itemgetter(0))
     if accuracy.substep > bound:
         raise SceneError(
             f"substep {accuracy.substep:.3g} s is above the stable bound {bound:.3g} s"

@@ -1,0 +1,65 @@
+# make demo, make test: each sets up everything it needs in .venv first.
+
+.DEFAULT_GOAL := help
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+OWN := . plugins/reference_mpm plugins/taichi_mpm conformance_tests
+GASP_DATA ?= ../shared/data
+export GASP_DATA
+export ENABLE_TAICHI_HEADER_PRINT := 0
+
+# The first interpreter that really runs and is new enough; PYTHON=... overrides.
+PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
+	$$name -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1 && echo $$name && break; done)
+
+.PHONY: help
+help: ## Show what there is
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
+
+$(STAMP): requirements.lock pyproject.toml $(wildcard plugins/*/pyproject.toml) conformance_tests/pyproject.toml
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11, 3.12 or 3.13 found; install one or give PYTHON=/path/to/python" >&2; exit 2; }
+	@echo "Setting up $(VENV) with $$($(PYTHON) --version) (a few minutes the first time)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(addprefix -e ./,$(OWN))
+	@touch $@
+
+.PHONY: install
+install: $(STAMP) ## Build the environment in .venv
+
+.PHONY: demo
+demo: $(STAMP) ## Drop a soft toy: splat in, splats out
+	@$(BIN)/gasp demo --out demo
+
+.PHONY: check
+check: $(STAMP) ## Lint, types, who may import whom
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/basedpyright --level error
+	@$(BIN)/lint-imports --no-cache
+
+.PHONY: test
+test: check ## Everything that has to be true, in under 15 minutes on two cores
+	@$(BIN)/python -m pytest -m "not slow" tests plugins
+	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=reference-mpm
+	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm
+
+.PHONY: test-slow
+test-slow: $(STAMP) ## The checks that take minutes each
+	@$(BIN)/python -m pytest -m slow tests plugins
+
+.PHONY: bench
+bench: $(STAMP) ## Print every table the README quotes
+	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+.PHONY: lock
+lock: $(STAMP) ## Pin every dependency anew
+	@$(BIN)/python -m pip install --quiet uv
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
+		--extra dev pyproject.toml plugins/*/pyproject.toml conformance_tests/pyproject.toml --no-emit-package gasp-core \
+		--output-file requirements.lock
+
+.PHONY: clean
+clean: ## Remove the environment and what was made
+	rm -rf $(VENV) demo

@@ -1,0 +1,112 @@
+"""The control rule: no Gaussian grows beyond alpha times what it was.
+
+Engines tear and stretch points apart; a Gaussian follows, and one sees a spike. The rule acts on simplices, between
+the engine and T^-1, in one form for each inverse. alpha = inf switches it off.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core import jacobi
+from gasp_core.errors import SceneError
+from gasp_core.games import Covariance, deformation_gradients, to_simplices
+from gasp_core.gaussians import Gaussians
+
+__all__ = ["control", "limit_edges", "limit_stretches"]
+
+Array = NDArray[Any]
+
+
+def control(simplices: Array, reference: Gaussians, alpha: float, covariance: Covariance) -> tuple[Array, Array]:
+    """The rule that belongs to an inverse: `limit_stretches` for "exact", `limit_edges` for "gram_schmidt".
+
+    Returns
+    -------
+    simplices : (N, V, 3)
+    clipped : (N,) bool
+
+    Raises
+    ------
+    SceneError
+        Where alpha is not > 0.
+    """
+    if not alpha > 0:
+        raise SceneError(f"alpha must be > 0 (inf: no control), found {alpha!r}")
+    if math.isinf(alpha):
+        return simplices, np.zeros(len(simplices), dtype=bool)
+    rule = limit_stretches if covariance == "exact" else limit_edges
+    return rule(simplices, reference, alpha)
+
+
+def limit_edges(simplices: Array, reference: Gaussians, alpha: float) -> tuple[Array, Array]:
+    """The paper's rule, for `gram_schmidt`: s_i = min(s_i, alpha s_i(0)).
+
+    As printed (s_i := alpha s_i(0) where |e_i| > alpha |e_i(0)|) the rule *inflates* a sheared triangle, whose s_3 is
+    a projected length; with the minimum it only ever shrinks. The second edge is split along and across the first, and
+    the part across, which is s_3, is what is bounded.
+
+    Parameters
+    ----------
+    simplices : (N, 3 | 4, 3)
+        Moved simplices, not magnified.
+    reference
+        The Gaussians at rest.
+    alpha
+        Bound on s_i / s_i(0).
+
+    Returns
+    -------
+    simplices : (N, V, 3)
+    clipped : (N,) bool
+    """
+    rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3)
+    bound = alpha * np.linalg.norm(rest[:, 1:] - rest[:, :1], axis=2)
+    edges = simplices[:, 1:] - simplices[:, :1]
+    first, second = edges[:, -2], edges[:, -1]
+    length = np.linalg.norm(first, axis=1)
+    unit = first / np.where(length > 0, length, 1.0)[:, None]
+    along = np.einsum("ni,ni->n", second, unit)[:, None] * unit
+    across = second - along
+    height = np.linalg.norm(across, axis=1)
+    # A hair of tolerance, or rounding at rest would count as clipping with alpha = 1.
+    long = length > bound[:, -2] * (1 + 1e-12)
+    high = height > bound[:, -1] * (1 + 1e-12)
+    clipped = long | high
+    limited = np.array(simplices, dtype=np.float64)
+    shrink = np.where(high, bound[:, -1] / np.where(high, height, 1.0), 1.0)[:, None]
+    rows = np.flatnonzero(clipped)
+    limited[rows, -1] = (limited[:, 0] + along + across * shrink)[rows]
+    rows = np.flatnonzero(long)
+    limited[rows, -2] = limited[rows, 0] + unit[rows] * bound[rows, -2, None]
+    if simplices.shape[1] == 4:
+        normal = np.cross(unit, across / np.where(height > 0, height, 1.0)[:, None])
+        depth = np.einsum("ni,ni->n", edges[:, 0], normal)
+        deep = np.abs(depth) > bound[:, 0] * (1 + 1e-12)
+        rows = np.flatnonzero(deep)
+        excess = (depth - np.copysign(bound[:, 0], depth))[:, None] * normal
+        limited[rows, 1] -= excess[rows]
+        clipped |= deep
+    return limited, clipped
+
+
+def limit_stretches(simplices: Array, reference: Gaussians, alpha: float) -> tuple[Array, Array]:
+    """The rule for `exact`: no principal stretch of the simplex's deformation gradient F = U S V^T above alpha.
+
+    Edges and covariance become those of U min(S, alpha) V^T: what was sheared stays sheared, and what was shrunk stays
+    shrunk. Parameters and results as in `limit_edges`.
+    """
+    vertices = 4 if simplices.shape[1] == 4 else 3
+    gradients = np.ascontiguousarray(deformation_gradients(simplices, reference))
+    bounded, clipped = np.empty_like(gradients), np.empty(len(gradients), dtype=np.bool_)
+    jacobi.bounded_stretches(gradients, alpha, bounded, clipped, jacobi.chunk_count(len(gradients)))
+    limited = np.array(simplices, dtype=np.float64)
+    rows = np.flatnonzero(clipped)
+    rest = to_simplices(reference.select(rows), vertices)
+    edges = rest[:, 1:] - rest[:, :1]
+    limited[rows, 1:] = limited[rows, :1] + np.einsum("nij,nkj->nki", bounded[rows], edges)
+    return limited, clipped
