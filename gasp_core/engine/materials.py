@@ -196,6 +196,5 @@ class Rigid(Material):
 
 
 MATERIALS: dict[str, type[Material]] = {
-    material.kind: material
-    for material in (Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam, Rigid)
+    material.kind: material for material in (Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam, Rigid)
 }
