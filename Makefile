@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OWN := . plugins/reference_mpm plugins/taichi_mpm conformance_tests
+NAMES := gasp-core gasp-reference-mpm gasp-taichi-mpm gasp-conformance
 GASP_DATA ?= ../shared/data
 export GASP_DATA
 export ENABLE_TAICHI_HEADER_PRINT := 0
@@ -56,9 +57,9 @@ bench: $(STAMP) ## Print every table the README quotes
 .PHONY: lock
 lock: $(STAMP) ## Pin every dependency anew
 	@$(BIN)/python -m pip install --quiet uv
-	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
-		--extra dev pyproject.toml plugins/*/pyproject.toml conformance_tests/pyproject.toml --no-emit-package gasp-core \
-		--output-file requirements.lock
+	@printf -- '-e ./%s\n' '.[dev]' $(wordlist 2,99,$(OWN)) | $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-header --no-annotate $(foreach own,$(NAMES),--no-emit-package $(own)) \
+		--output-file requirements.lock -
 
 .PHONY: clean
 clean: ## Remove the environment and what was made
