@@ -286,12 +286,15 @@ def invert_simplices(
     count = len(reference)
     if moved.ndim != 3 or moved.shape[0] != count or moved.shape[1] not in (3, 4) or moved.shape[2] != 3:
         raise SceneError(f"simplices have shape {moved.shape}, expected ({count}, 3 or 4, 3) as the reference has")
-    frames = {"exact": jacobi.principal_frames, "gram_schmidt": jacobi.gram_schmidt_frames}
-    if covariance not in frames:
+    if covariance == "gram_schmidt":
+        frames = jacobi.gram_schmidt_frames
+    elif covariance == "exact":
+        frames = jacobi.flat_frames if moved.shape[1] == 3 else jacobi.full_frames
+    else:
         raise SceneError(f'covariance must be "exact" or "gram_schmidt", found {covariance!r}')
     quaternions, scales, valid = np.empty((count, 4)), np.empty((count, 3)), np.empty(count, dtype=np.bool_)
     rest_scales = np.ascontiguousarray(reference.scales, dtype=np.float64)
-    frames[covariance](moved, rest_scales, quaternions, scales, valid, jacobi.chunk_count(count))
+    frames(moved, rest_scales, quaternions, scales, valid, jacobi.chunk_count(count))
     degenerate = ~valid
     if degenerate.any():
         last = reference if previous is None else previous
@@ -299,9 +302,10 @@ def invert_simplices(
         quaternions[degenerate] = last.quaternions[degenerate] / np.where(norms > 0, norms, 1.0)
         scales[degenerate] = last.scales[degenerate]
     means = moved[:, 0].copy()
-    lost = ~np.isfinite(means).all(axis=1)
-    if lost.any():
-        means[lost] = (reference if previous is None else previous).means[lost]
+    # Only a simplex without a frame can have a mean that is not finite.
+    lost = np.flatnonzero(degenerate)
+    lost = lost[~np.isfinite(means[lost]).all(axis=1)]
+    means[lost] = (reference if previous is None else previous).means[lost]
     harmonics = reference.harmonics
     if reference.sh_degree > 0:
         gradients = deformation_gradients(moved, reference)
