@@ -1,0 +1,64 @@
+"""What is read off point positions and velocities."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import curve_fit
+
+__all__ = ["angular_momentum", "damped_oscillation", "half_height_width", "mode_amplitude", "observed_order"]
+
+Array = NDArray[Any]
+
+
+def mode_amplitude(displacements: Array, shape: Array) -> float:
+    """Amplitude of a mode in displacements (N,), by least squares against its shape (N,)."""
+    return float(displacements @ shape / (shape @ shape))
+
+
+def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[float, float]:
+    """Frequency [Hz] and mean of a decaying oscillation a exp(-gamma t) sin(2 pi f t + phi) + m, near `frequency`."""
+
+    def model(t: Array, amplitude: float, f: float, decay: float, phase: float, mean: float) -> Array:
+        return amplitude * np.exp(-decay * t) * np.sin(2 * np.pi * f * t + phase) + mean
+
+    mean = float(np.mean(values))
+    amplitude = float(np.ptp(values)) / 2
+    phase = math.asin(max(-1.0, min(1.0, (float(values[0]) - mean) / amplitude)))
+    found, _ = curve_fit(model, times, values, p0=[amplitude, frequency, 0.0, phase, mean])
+    return float(found[1]), float(found[4])
+
+
+def half_height_width(times: Array, pulse: Array, height: float) -> float:
+    """Time between the first rise of a pulse through `height` / 2 and its last fall through it [s], by interpolation.
+
+    Raises
+    ------
+    ValueError
+        Where the pulse does not begin and end below that.
+    """
+    above = pulse > height / 2
+    if above[0] or above[-1] or not above.any():
+        raise ValueError("the pulse does not rise and fall within the times given")
+    first = int(np.argmax(above))
+    last = len(above) - 1 - int(np.argmax(above[::-1]))
+
+    def crossing(low: int, high: int) -> float:
+        share = (height / 2 - pulse[low]) / (pulse[high] - pulse[low])
+        return float(times[low] + share * (times[high] - times[low]))
+
+    return crossing(last, last + 1) - crossing(first - 1, first)
+
+
+def angular_momentum(masses: Array, positions: Array, velocities: Array) -> Array:
+    """sum m (x - x_com) x v, (3,) [kg m^2/s]."""
+    center = masses @ positions / masses.sum()
+    return masses @ np.cross(positions - center, velocities)
+
+
+def observed_order(sizes: Array, errors: Array) -> float:
+    """Slope of log(error) over log(cell size), by least squares."""
+    return float(np.polyfit(np.log(sizes), np.log(np.abs(errors)), 1)[0])

@@ -1,0 +1,136 @@
+"""The engine that is looked at, as seen through the contract and through nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from gasp_core.engine.capabilities import needs, unmet
+from gasp_core.engine.contract import (
+    EngineAccuracy,
+    EngineDescriptor,
+    EngineSession,
+    Field,
+    PointEngine,
+    PointProblem,
+    PointState,
+    Precision,
+    Status,
+    StepReport,
+)
+from gasp_core.engine.registry import discover
+from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
+
+__all__ = ["Journal", "Subject", "Undeclared", "find_subject"]
+
+
+class Undeclared(UnsupportedSceneError):
+    """The engine says itself that it does not do what a case needs: no reason to fail it, and none to run the case."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """An engine and the precision it is run in."""
+
+    descriptor: EngineDescriptor
+    engine: PointEngine
+    precision: Precision
+
+    @property
+    def name(self) -> str:
+        """As users write it."""
+        return self.descriptor.name
+
+    @property
+    def is_double(self) -> bool:
+        """Whether its state is float64."""
+        return self.precision is Precision.FLOAT64
+
+    def open(
+        self, problem: PointProblem, accuracy: EngineAccuracy, fields: frozenset[Field] = frozenset()
+    ) -> EngineSession:
+        """A session on the engine's default device with its default options, to read `fields` from.
+
+        Raises
+        ------
+        Undeclared
+            Where the engine does not declare what the problem or a field needs.
+        """
+        missing = unmet(needs(problem, fields=fields), self.descriptor.capabilities)
+        if missing:
+            raise Undeclared(f"{self.name} {', '.join(dict.fromkeys(need.refusal for need in missing))}")
+        options = self.descriptor.options
+        return self.engine.open(
+            problem,
+            device=self.descriptor.capabilities.devices[0],
+            precision=self.precision,
+            seed=0,
+            accuracy=accuracy,
+            options=None if options is None else options(),
+        )
+
+    def states(
+        self,
+        problem: PointProblem,
+        accuracy: EngineAccuracy,
+        times: Iterable[float],
+        fields: Iterable[Field] = (),
+        journal: Journal | None = None,
+    ) -> Iterator[PointState]:
+        """States at `times` [s], positions and `fields`; what the engine reported goes into `journal`.
+
+        Raises
+        ------
+        Undeclared
+            As `open`.
+        EngineDivergedError
+            Where an advance does not end well: every case of the suite is one an engine has to finish.
+        """
+        wanted = frozenset(fields) | {Field.POSITIONS}
+        with self.open(problem, accuracy, wanted) as session:
+            for time in times:
+                report = session.advance_to(time)
+                if report.status is not Status.OK:
+                    reason = "; ".join(report.warnings) or "no reason given"
+                    raise EngineDivergedError(
+                        f"{self.name} ended with {report.status.value} before {time:.6g} s: {reason}", report
+                    )
+                if journal is not None:
+                    journal.reports.append(report)
+                yield session.read(wanted)
+
+
+@dataclass(slots=True)
+class Journal:
+    """What an engine reported on its way."""
+
+    reports: list[StepReport] = field(default_factory=list)
+
+    @property
+    def substep_count(self) -> int:
+        """Substeps of all advances."""
+        return sum(report.substep_count for report in self.reports)
+
+    @property
+    def largest_substep(self) -> float:
+        """Of all advances [s]."""
+        return max(report.largest_substep for report in self.reports)
+
+
+def find_subject(name: str, precision: Precision | None) -> Subject:
+    """The installed engine of that name, in the asked precision or the engine's own first choice.
+
+    Raises
+    ------
+    UnknownEngineError
+        Where nothing installed offers it.
+    UnsupportedSceneError
+        Where it does not run in that precision.
+    """
+    registry = discover()
+    descriptor = registry.descriptor(name)
+    offered = descriptor.capabilities.precisions
+    if precision is not None and precision not in offered:
+        known = ", ".join(one.value for one in offered)
+        raise UnsupportedSceneError(f"{name} does not run in {precision.value}; it runs in {known}")
+    return Subject(descriptor=descriptor, engine=registry.load(name), precision=precision or offered[0])

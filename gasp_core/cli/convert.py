@@ -1,0 +1,34 @@
+"""``gasp convert``: from one splat format to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gasp_core.errors import SplatFormatError
+
+__all__ = ["convert"]
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  gasp convert bust.sog bust.ply
+  gasp convert scan.ply scan.spz      a tenth of the size, small losses
+"""
+)
+@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
+@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+def convert(source: Path, target: Path) -> None:
+    """Turn a splat file into another format, which the suffix of OUT chooses: .ply, .splat or .spz.
+
+    An existing OUT is replaced, once the new one is whole. What a format cannot hold is said.
+    """
+    from gasp_core.io import read_splat, write_splat
+
+    if source.exists() and target.exists() and source.samefile(target):
+        raise SplatFormatError(f"{target}: is the input itself: give the output another name")
+    gaussians = read_splat(source)
+    write_splat(target, gaussians)
+    click.echo(f"{target}: {len(gaussians):,} Gaussians")

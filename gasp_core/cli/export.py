@@ -1,0 +1,107 @@
+"""``gasp export``: the frames of a run as splat files that other programs open."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gasp_core.errors import RecordingError
+
+if TYPE_CHECKING:
+    from gasp_core.recording import Recording
+
+__all__ = ["SUFFIXES", "export", "export_frames"]
+
+SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  gasp export plant.gasp --all --format ply       plant_frames/plant_0000.ply ...
+  gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
+  gasp export plant.gasp --frame 12 --out still.ply
+"""
+)
+@click.argument("run", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "suffix",
+    type=click.Choice(list(SUFFIXES)),
+    default="ply",
+    show_default=True,
+    help="ply keeps everything; splat and spz are smaller.",
+)
+@click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
+@click.option("--all", "every", is_flag=True, help="Every frame.")
+@click.option(
+    "--out",
+    metavar="PATH",
+    type=click.Path(path_type=Path),
+    help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
+)
+def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | None) -> None:
+    """Write the frames of a run as splat files.
+
+    RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has.
+    """
+    if every == (frame is not None):
+        raise click.UsageError("say either --frame K or --all")
+    from gasp_core import Recording
+
+    recording = Recording.open(run)
+    if recording.frame_count == 0:
+        raise RecordingError(f'{run}: holds no frame yet: go on with "gasp run --resume"')
+    stem = run.resolve().stem
+    if frame is not None:
+        if frame >= recording.frame_count:
+            raise RecordingError(f"{run}: has frames 0 to {recording.frame_count - 1}, not {frame}")
+        path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix]}")
+        if path.suffix.lower() != SUFFIXES[suffix]:
+            raise click.UsageError(f"--out {path} does not end in {SUFFIXES[suffix]}; say --format too")
+        from gasp_core.io import write_splat
+
+        write_splat(path, recording.gaussians(frame))
+        click.echo(path)
+    else:
+        folder = out if out is not None else Path(f"{stem}_frames")
+        paths = export_frames(recording, range(recording.frame_count), folder, stem=stem, suffix=SUFFIXES[suffix])
+        click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
+
+
+def export_frames(recording: Recording, frames: Iterable[int], folder: Path, *, stem: str, suffix: str) -> list[Path]:
+    """Write frames as files ``stem_0000.suffix`` into a folder, which is made.
+
+    Where one cannot be written, those before it are taken away again: half a film under the names of a whole one
+    misleads.
+
+    Raises
+    ------
+    RecordingError, SplatFormatError
+        Where the folder cannot be made, a frame cannot be read or a file cannot be written.
+    """
+    from gasp_core.io import write_splat
+
+    made_folder = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be made a folder ({error.strerror}): choose another --out") from error
+    paths: list[Path] = []
+    try:
+        for frame in frames:
+            path = folder / f"{stem}_{frame:04d}{suffix}"
+            write_splat(path, recording.gaussians(frame))
+            paths.append(path)
+    except BaseException:
+        for path in paths:
+            path.unlink(missing_ok=True)
+        if made_folder:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    return paths

@@ -1,0 +1,122 @@
+"""The group of subcommands: none is imported to list them, and only the one that is run is imported at all."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from typing import cast
+
+import click
+
+from gasp_core.errors import PluginLoadError
+
+__all__ = ["BUILT_IN", "CommandGroup", "gasp"]
+
+BUILT_IN = {
+    "run": ("gasp_core.cli.run:run", "Simulate a scene and keep its frames."),
+    "demo": ("gasp_core.cli.demo:demo", "Drop a soft toy, without any data of your own."),
+    "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
+    "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
+    "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
+    "export": ("gasp_core.cli.export:export", "Write the frames of a run as splat files."),
+}
+"""Subcommands by name: where they are, and their line in the help."""
+
+
+class CommandGroup(click.Group):
+    """Subcommands of GASP itself and those that plugins offer through the hook `gasp_commands`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Built-in names in the order one meets them, then those of plugins."""
+        return [*BUILT_IN, *(name for name in _plugin_summaries() if name not in BUILT_IN)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a subcommand; None where there is none of that name."""
+        if cmd_name in BUILT_IN:
+            module, _, attribute = BUILT_IN[cmd_name][0].partition(":")
+            return cast(click.Command, getattr(importlib.import_module(module), attribute))
+        return _plugin_command(cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The subcommand of an argument list.
+
+        Raises
+        ------
+        click.UsageError
+            Where there is none of that name; a similar one is suggested.
+        """
+        name = args[0]
+        command = None if name.startswith("-") else self.get_command(ctx, name)
+        if command is None:
+            names = self.list_commands(ctx)
+            close = difflib.get_close_matches(name, names, n=1)
+            hint = f'did you mean "{close[0]}"?' if close else f"the commands are {', '.join(names)}"
+            ctx.fail(f'no command "{name}" ({hint})')
+        return name, command, args[1:]
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands from their summaries."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in BUILT_IN.items()])
+        extra = [(name, summary) for name, summary in _plugin_summaries().items() if name not in BUILT_IN]
+        if extra:
+            with formatter.section("Commands of plugins"):
+                formatter.write_dl(extra)
+
+
+def _plugin_summaries() -> dict[str, str]:
+    # Discovery imports NumPy, which built-in commands may not need.
+    from gasp_core.engine.registry import discover
+
+    return {name: offer.command.summary for name, offer in discover().commands.items()}
+
+
+def _plugin_command(name: str) -> click.Command | None:
+    from gasp_core.engine.foreign import import_factory
+    from gasp_core.engine.registry import discover
+
+    registry = discover()
+    if name not in registry.commands:
+        return None
+    offer = registry.commands[name]
+    command: object = import_factory(offer.command.factory, f'command "{name}"', offer.distribution)
+    if not isinstance(command, click.Command):
+        raise PluginLoadError(
+            f'command "{name}": {offer.command.factory} of {offer.distribution} is no click command;'
+            f" update {offer.distribution}"
+        )
+    return command
+
+
+def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        import importlib.metadata
+
+        click.echo(f"gasp {importlib.metadata.version('gasp-core')}")
+        ctx.exit()
+
+
+@click.group(
+    cls=CommandGroup,
+    epilog="""\b
+First steps:
+  gasp demo                            see it work, no data needed
+  gasp inspect plant.splat             what is in this file?
+  gasp run scene.toml --out plant.gasp
+  gasp export plant.gasp --all --format ply
+
+\b
+A scene is a small TOML file: "gasp run --help" shows one.
+""",
+)
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
+)
+def gasp() -> None:
+    """Trained Gaussian splats, moved by physics, with any engine.
+
+    Take a splat file, say in a scene file what it is made of and what it meets, name an engine, and get splats back
+    for every frame.
+    """

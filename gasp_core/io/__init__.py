@@ -1,0 +1,71 @@
+"""Splat files: the only place that opens them.
+
+Formats are imported when a file asks for them, so that importing this package costs no more than NumPy.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gasp_core.gaussians import Gaussians
+
+__all__ = ["read_splat", "write_splat"]
+
+
+def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
+    """Read a splat file, whatever its format.
+
+    INRIA ``.ply`` (binary or text, spherical harmonics of degree 0-4, properties in any order and of any numeric
+    type), compressed ``.ply`` of PlayCanvas (old and new chunks), ``.splat``, ``.spz`` (versions 1-4) and SOG
+    (versions 1 and 2; a ``.sog``, its folder or its ``meta.json``). Content decides before the suffix does.
+
+    The result is in the ordinary 3DGS frame of the file (a ``.spz``, stored right-up-back, reads as the ``.ply`` it
+    came from); up axis and units are the scene's business. Rows are kept as they are, non-finite ones too, and
+    quaternions are not normalised.
+
+    Parameters
+    ----------
+    path
+        File, or folder with a ``meta.json``.
+    flat_axis
+        Which of a Gaussian's axes has no thickness in a ``.ply`` of only two scales: 2 as 2DGS has it (its normal is
+        the rotation's third column; default), 0 as GaMeS and D-MiSo have it. Other files do not use it.
+
+    Returns
+    -------
+    Gaussians
+        float32; means are float64 where a ``.ply`` stores them as double.
+
+    Raises
+    ------
+    SplatFormatError
+        Where the file is missing, of no known format, malformed, truncated, or unpacks to more than it declares.
+    """
+    from gasp_core.io.detect import read
+
+    return read(path, flat_axis=flat_axis)[0]
+
+
+def write_splat(path: str | PathLike[str], gaussians: Gaussians) -> None:
+    """Write a splat file; the suffix says which format: ``.ply`` (INRIA, float32), ``.splat`` or ``.spz``.
+
+    The file appears whole or not at all. What a format cannot hold is dropped as
+    :func:`gasp_core.io.convert.losses` tells.
+
+    Parameters
+    ----------
+    path
+        Where to; an existing file is replaced.
+    gaussians
+        In the ordinary 3DGS frame.
+
+    Raises
+    ------
+    SplatFormatError
+        Where the suffix is not one of the three, the Gaussians cannot be stored so, or the disk refuses.
+    """
+    from gasp_core.io.detect import write
+
+    write(path, gaussians)

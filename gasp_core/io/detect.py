@@ -1,0 +1,144 @@
+"""Which format a file has: by its first bytes, then by its name."""
+
+from __future__ import annotations
+
+import stat
+from os import PathLike, fspath
+from pathlib import Path
+
+import numpy as np
+
+from gasp_core.errors import SplatFormatError
+from gasp_core.gaussians import Gaussians
+from gasp_core.io.faults import malformed, quoted
+
+__all__ = ["READ", "WRITTEN", "read", "write"]
+
+READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json")
+WRITTEN = (".ply", ".splat", ".spz")
+
+_LFS = b"version https://git-lfs"
+_ANNEX = b"/annex/objects/"
+
+
+def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, str]:
+    """Gaussians of a file or folder, and the name of its format.
+
+    Raises
+    ------
+    SplatFormatError
+        As `gasp_core.io.read_splat`.
+    """
+    if flat_axis not in (0, 1, 2):
+        raise SplatFormatError(f"flat_axis is {flat_axis}; give 0, 1 or 2")
+    try:
+        return _read(Path(fspath(path)), flat_axis)
+    except OSError as error:
+        raise malformed(
+            path, f"cannot be read: {error.strerror or error}", "check the path and its permissions"
+        ) from error
+    except MemoryError as error:
+        raise malformed(path, "does not fit into memory", "give a smaller splat, or a machine with more") from error
+    # A path with a null byte, by every call that takes paths.
+    except ValueError as error:
+        raise malformed(path, f"cannot be read: {error}", "check the path") from error
+
+
+def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:
+    from gasp_core.io.sog import ZIP_MAGIC, read_sog_folder, read_sog_zip
+    from gasp_core.io.spz import GZIP_MAGIC, SPZ_MAGIC, read_spz
+
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        if not (path / "meta.json").is_file():
+            raise malformed(path, "is a folder without meta.json, so no SOG", "name a file, or the folder of one splat")
+        gaussians, version = read_sog_folder(path)
+        return gaussians, f"sog v{version} folder"
+    if not stat.S_ISREG(mode):
+        raise malformed(path, "is no ordinary file", "name a file or a folder")
+    if path.suffix.lower() == ".json":
+        if path.name != "meta.json":
+            raise malformed(path, "is no splat", "name the folder, or the meta.json, of one splat")
+        gaussians, version = read_sog_folder(path.parent)
+        return gaussians, f"sog v{version} folder"
+
+    data = path.read_bytes()
+    if not data:
+        raise malformed(path, "is empty", "fetch or export it again")
+    if data.startswith(_LFS):
+        raise malformed(path, "is a Git LFS pointer, not the splat itself", "run `git lfs pull` where it came from")
+    if len(data) < 1024 and _ANNEX in data:
+        raise malformed(path, "is a git-annex pointer, not the splat itself", "run `git annex get` where it came from")
+    if data[:4] in (b"ply\n", b"ply\r"):
+        return _read_ply(data, path, flat_axis)
+    if data.startswith(ZIP_MAGIC):
+        gaussians, version = read_sog_zip(data, path)
+        return gaussians, f"sog v{version}"
+    if data.startswith((GZIP_MAGIC, SPZ_MAGIC)):
+        return read_spz(data, path), "spz"
+    if path.suffix.lower() == ".splat":
+        from gasp_core.io.dot_splat import read_dot_splat
+
+        return read_dot_splat(data, path), "splat"
+    if path.suffix.lower() in (".ply", ".spz", ".sog"):
+        raise malformed(path, f"does not begin as a {path.suffix.lower()} does")
+    raise malformed(
+        path, f"is of no known kind ({quoted(path.suffix or 'no suffix')})", f"splats are read from {', '.join(READ)}"
+    )
+
+
+def _read_ply(data: bytes, path: Path, flat_axis: int) -> tuple[Gaussians, str]:
+    from gasp_core.io.compressed_ply import is_compressed, read_compressed_ply
+    from gasp_core.io.inria import read_inria
+    from gasp_core.io.ply import parse_header
+
+    header = parse_header(data, path)
+    if is_compressed(header):
+        return read_compressed_ply(data, header, path), "compressed ply"
+    return read_inria(data, header, path, flat_axis), "ply"
+
+
+def write(path: str | PathLike[str], gaussians: Gaussians) -> None:
+    """Write Gaussians in the format the suffix names.
+
+    Raises
+    ------
+    SplatFormatError
+        As `gasp_core.io.write_splat`.
+    """
+    from gasp_core.io.atomic import replacing
+    from gasp_core.io.dot_splat import write_dot_splat
+    from gasp_core.io.inria import write_inria
+    from gasp_core.io.spz import write_spz
+
+    target = Path(fspath(path))
+    suffix = target.suffix.lower()
+    if suffix not in WRITTEN or target.name.lower().endswith(".compressed.ply"):
+        asked = ".compressed.ply" if suffix == ".ply" else suffix or target.name
+        raise malformed(target, f"{quoted(asked)} cannot be written", f"choose one of {', '.join(WRITTEN)}")
+    if not len(gaussians):
+        raise malformed(target, "there are no Gaussians to write", "check what was selected")
+    if suffix != ".ply":
+        _refuse_unstorable(target, gaussians)
+    with replacing(target) as stream:
+        if suffix == ".ply":
+            write_inria(stream, gaussians)
+        elif suffix == ".splat":
+            write_dot_splat(stream, gaussians)
+        else:
+            write_spz(stream, gaussians)
+
+
+def _refuse_unstorable(path: Path, gaussians: Gaussians) -> None:
+    """Bytes hold no NaN: a file of bytes would turn one into some other number without a word."""
+    arrays = (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.opacities, gaussians.harmonics)
+    finite = np.ones(len(gaussians), bool)
+    for array in arrays:
+        finite &= np.isfinite(array).reshape(len(gaussians), -1).all(axis=1)
+    if not finite.all():
+        row, bad = int(np.argmin(finite)), int((~finite).sum())
+        raise malformed(
+            path,
+            f"{bad:,} Gaussians are not finite, the first is {row:,}",
+            "drop them, or write .ply, which can hold them",
+        )

@@ -1,0 +1,206 @@
+"""Where things are in a recording, and how they are written.
+
+A recording is a folder, a Zarr (version 3) hierarchy throughout:
+
+| node | what |
+|---|---|
+| ``/`` | attributes: the `Header` |
+| ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest, in the world |
+| ``reference/moving`` | (N,) bool, which Gaussians are simulated |
+| ``reference/points`` | (P, 3) float64, the engine's points at the start, edges magnified [m] |
+| ``bodies/<i>/magnification`` | (N_i, V_i - 1) factors of the edges |
+| ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
+| ``frames/velocities`` | the same for velocities, where asked for [m/s] |
+| ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
+| ``checkpoints/<frame>`` | the engine's state, at most two |
+| ``status`` | attributes: state, reason, frames wanted |
+
+Displacements less their mean keep the shape of a small edge however far the body flew: at 1e4 m a float32 knows
+positions to a millimetre.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gasp_core.errors import RecordingError
+from gasp_core.recording.durable import replace_file
+
+__all__ = [
+    "FORMAT",
+    "VERSION",
+    "BodyEntry",
+    "Commit",
+    "EngineRecord",
+    "Header",
+    "ObjectEntry",
+    "commit_folder",
+    "read_attributes",
+    "write_attributes",
+]
+
+FORMAT = "gasp-recording"
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineRecord:
+    """Which engine made the frames, and how it was set; a run goes on only with the same."""
+
+    name: str
+    version: str
+    device: str
+    precision: str
+    seed: int
+    options: str
+    checkpoints: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectEntry:
+    """An object of the scene: its rows of the drawn Gaussians, its source and what was set aside."""
+
+    name: str
+    first: int
+    last: int
+    splat_digest: str
+    set_aside: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyEntry:
+    """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points."""
+
+    item: int
+    vertices: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Header:
+    """All about a recording that never changes while it is made.
+
+    Parameters
+    ----------
+    gasp_version
+        That wrote it.
+    scene
+        As TOML.
+    scene_digest
+        SHA-256 of what decides the frames: the scene less its duration and file names, and the splats' content.
+    points_digest
+        SHA-256 of the engine's points at the start.
+    frame_rate
+        [1/s].
+    spacing
+        Of the engine's grid [m].
+    objects, bodies
+        What the rows are.
+    notes
+        Sentences for the user: what was set aside, and the like.
+    engine
+        What made it.
+    """
+
+    gasp_version: str
+    scene: str
+    scene_digest: str
+    points_digest: str
+    frame_rate: float
+    spacing: float
+    objects: tuple[ObjectEntry, ...]
+    bodies: tuple[BodyEntry, ...]
+    notes: tuple[str, ...]
+    engine: EngineRecord
+
+    def attributes(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {"format": FORMAT, "version": VERSION, **dataclasses.asdict(self)}
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any], path: Path) -> Header:
+        """From JSON values.
+
+        Raises
+        ------
+        RecordingError
+            Where they are not of a recording, or of a newer version.
+        """
+        if attributes.get("format") != FORMAT:
+            raise RecordingError(f"{path}: is no recording (no format mark {FORMAT}): name a folder that gasp run wrote")
+        version = attributes.get("version")
+        if not isinstance(version, int) or version > VERSION:
+            raise RecordingError(
+                f"{path}: is a recording of version {version!r}, this GASP reads up to {VERSION}: update GASP"
+            )
+        try:
+            values = {field.name: attributes[field.name] for field in dataclasses.fields(cls)}
+            values["objects"] = tuple(ObjectEntry(**entry) for entry in values["objects"])
+            values["bodies"] = tuple(BodyEntry(**entry) for entry in values["bodies"])
+            values["notes"] = tuple(values["notes"])
+            values["engine"] = EngineRecord(**values["engine"])
+        except (KeyError, TypeError) as error:
+            raise RecordingError(f"{path}: the header of the recording is damaged ({error})") from None
+        return cls(**values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commit:
+    """A finished frame.
+
+    Parameters
+    ----------
+    frame, time
+        Number and simulated time [s].
+    chunks
+        Size [bytes] of every chunk file by its path in the recording; 0 where Zarr writes none (all zero).
+    body_displacements
+        Mean displacement [m] of each body, float64.
+    degenerate
+        For each body, rows without a frame of their own and the last frame in which they had one.
+    diagnostics
+        What is known of the step that led here.
+    """
+
+    frame: int
+    time: float
+    chunks: Mapping[str, int]
+    body_displacements: tuple[tuple[float, float, float], ...]
+    degenerate: tuple[tuple[tuple[int, int], ...], ...]
+    diagnostics: Mapping[str, Any]
+
+
+def commit_folder(path: Path, frame: int) -> Path:
+    """The node of a frame's commit."""
+    return path / "commits" / f"{frame:08d}"
+
+
+def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
+    """Make a folder a Zarr group of these attributes, in one step."""
+    folder.mkdir(parents=True, exist_ok=True)
+    node = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
+    replace_file(folder / "zarr.json", json.dumps(node, allow_nan=False).encode())
+
+
+def read_attributes(folder: Path) -> dict[str, Any]:
+    """Attributes of a Zarr group.
+
+    Raises
+    ------
+    RecordingError
+        Where the file is damaged.
+    FileNotFoundError
+        Where there is none.
+    """
+    file = folder / "zarr.json"
+    try:
+        attributes: dict[str, Any] = json.loads(file.read_bytes())["attributes"]
+    except (ValueError, KeyError, TypeError):
+        raise RecordingError(f"{file}: is damaged, the recording cannot be read here") from None
+    return attributes

@@ -1,0 +1,287 @@
+"""`Recording`: reads what a run left behind, while it runs and afterwards."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RecordingError
+from gasp_core.games import to_simplices
+from gasp_core.gaussians import Gaussians
+from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
+from gasp_core.recording.lock import locked
+from gasp_core.reduction.all_vertices import block_of
+from gasp_core.reduction.assembly import Body, moved_gaussians, moved_simplices
+from gasp_core.scene.loading import read_scene
+from gasp_core.scene.model import Scene
+
+__all__ = ["Recording", "RecordingStatus"]
+
+Array = NDArray[Any]
+RecordingStatus = Literal["running", "complete", "incomplete"]
+
+
+class Recording:
+    """A run on disk. Opening reads its header only; frames are read when asked for.
+
+    Use `Recording.open`.
+    """
+
+    def __init__(self, path: Path, header: Header) -> None:
+        self.path = path
+        self.header = header
+        self._known = 0
+
+    @classmethod
+    def open(cls, path: str | Path) -> Recording:
+        """Open a recording.
+
+        Raises
+        ------
+        RecordingError
+            Where there is none, it is damaged, or of a newer version.
+        """
+        path = Path(path)
+        try:
+            attributes = read_attributes(path)
+        except FileNotFoundError:
+            what = "is no recording (no zarr.json in it)" if path.exists() else "there is no such recording"
+            raise RecordingError(f"{path}: {what}: name a folder that gasp run wrote") from None
+        except NotADirectoryError:
+            raise RecordingError(f"{path}: is a file, a recording is a folder that gasp run wrote") from None
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from None
+        return cls(path, Header.of(attributes, path))
+
+    def __repr__(self) -> str:
+        return f"Recording({str(self.path)!r}, {self.status}, {self.frame_count} frames)"
+
+    @property
+    def status(self) -> RecordingStatus:
+        """ "running", "complete", or "incomplete": stopped, diverged, or its process died."""
+        state = self._state()["state"]
+        if state == "running" and not locked(self.path):
+            return "incomplete"
+        return cast(RecordingStatus, state)
+
+    @property
+    def reason(self) -> str:
+        """Why it is incomplete; empty otherwise."""
+        state = self._state()
+        if state["state"] == "running" and not locked(self.path):
+            return "the process that wrote it ended without a word (killed, or the machine stopped)"
+        return str(state["reason"])
+
+    @property
+    def frames_wanted(self) -> int:
+        """Number of frames once it is complete."""
+        return int(self._state()["frames_wanted"])
+
+    def _state(self) -> dict[str, Any]:
+        try:
+            return read_attributes(self.path / "status")
+        except FileNotFoundError:
+            raise RecordingError(f"{self.path}: has lost its status; the frames in it are readable all the same") from None
+
+    @property
+    def frame_count(self) -> int:
+        """Number of finished frames; grows while the run goes on."""
+        # A resumed run takes frames back.
+        while self._known and not self._committed(self._known - 1):
+            self._known -= 1
+        while self._committed(self._known):
+            self._known += 1
+        return self._known
+
+    def _committed(self, frame: int) -> bool:
+        return (commit_folder(self.path, frame) / "zarr.json").exists()
+
+    @property
+    def times(self) -> Array:
+        """Simulated times [s] of the finished frames, (frame_count,)."""
+        return np.arange(self.frame_count) / self.header.frame_rate
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene it was made from; splats built in memory stand there as ``memory:`` and a digest."""
+        return read_scene(self.header.scene, file=f"{self.path} (scene)", folder=None)
+
+    @property
+    def engine(self) -> EngineRecord:
+        """The engine that made it."""
+        return self.header.engine
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the user: what was set aside, and the like."""
+        return self.header.notes
+
+    @cached_property
+    def reference(self) -> Gaussians:
+        """The whole drawn scene at rest: metres, +z up, objects in the order of the scene."""
+        names = [field.name for field in dataclasses.fields(Gaussians)]
+        return Gaussians(**{name: self._array(f"reference/{name}") for name in names})
+
+    @cached_property
+    def moving(self) -> Array:
+        """Mask (N,) of the Gaussians that are simulated."""
+        return self._array("reference/moving")
+
+    @cached_property
+    def start_points(self) -> Array:
+        """The engine's points at the start, (P, 3) float64 [m]."""
+        return self._array("reference/points")
+
+    @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """What is simulated, object by object."""
+        found: list[Body] = []
+        for index, entry in enumerate(self.header.bodies):
+            item = self.header.objects[entry.item]
+            rows = item.first + np.flatnonzero(self.moving[item.first : item.last])
+            vertices: Literal[3, 4] = 4 if entry.vertices == 4 else 3
+            found.append(
+                Body(
+                    name=item.name,
+                    rows=rows,
+                    points=slice(entry.first, entry.last),
+                    block=block_of(self.reference.select(rows), vertices),
+                    factors=self._array(f"bodies/{index}/magnification"),
+                )
+            )
+        return tuple(found)
+
+    def commit(self, frame: int) -> Commit:
+        """The commit of a frame.
+
+        Raises
+        ------
+        RecordingError
+            Where there is no such frame.
+        """
+        count = self.frame_count
+        if not 0 <= frame < count:
+            raise RecordingError(f"{self.path}: has no frame {frame}, its frames are 0 to {count - 1}")
+        return Commit(**read_attributes(commit_folder(self.path, frame)))
+
+    def diagnostics(self, frame: int | None = None) -> Any:
+        """What is known of the step that led to a frame, a dict; a list of them for all frames where none is named.
+
+        `substeps`, `smallest_substep`, `largest_substep` [s]; `kinetic_energy`, `potential_energy` (of gravity,
+        against the start) [J]; counts of `degenerate` and `clipped` simplices, `inverted` and `stretched` points
+        (None where the engine shows none); `warnings`.
+        """
+        if frame is None:
+            return [self.diagnostics(index) for index in range(self.frame_count)]
+        return {"time": self.commit(frame).time, **self.commit(frame).diagnostics}
+
+    def displacements(self, frame: int) -> tuple[Array, Array]:
+        """Of the points from the start, less their body's mean, (P, 3) float32; and these means, (bodies, 3) [m]."""
+        commit = self.commit(frame)
+        return self._frame_array("displacements", commit), np.array(commit.body_displacements, dtype=np.float64)
+
+    def points(self, frame: int) -> Array:
+        """The engine's points, edges magnified, (P, 3) float64 [m]."""
+        relative, means = self.displacements(frame)
+        points = self.start_points + relative
+        for body, mean in zip(self.header.bodies, means):
+            points[body.first : body.last] += mean
+        return points
+
+    def velocities(self, frame: int) -> Array:
+        """Velocities of the points, (P, 3) float32 [m/s].
+
+        Raises
+        ------
+        RecordingError
+            Where they were not recorded.
+        """
+        if not self.scene.recording.velocities:
+            raise RecordingError(f"{self.path}: velocities were not recorded: say velocities = true under [recording]")
+        return self._frame_array("velocities", self.commit(frame))
+
+    def simplices(self, frame: int) -> dict[str, Array]:
+        """Simplices of the moving Gaussians by object, (N, V, 3) float64 [m], edges not magnified."""
+        relative, means = self.displacements(frame)
+        return {
+            body.name: moved_simplices(body, relative[body.points]) + (body.block.centre + mean)
+            for body, mean in zip(self.bodies, means)
+        }
+
+    def gaussians(self, frame: int) -> Gaussians:
+        """The whole scene at a frame: every drawn Gaussian, static ones too, in the order of the files.
+
+        Means, quaternions and scales are float64; harmonics are turned with the matter.
+        """
+        commit = self.commit(frame)
+        relative = self._frame_array("displacements", commit)
+        reference, maps = self.reference, self.scene.maps
+        means = reference.means.astype(np.float64)
+        quaternions = reference.quaternions.astype(np.float64)
+        scales = reference.scales.astype(np.float64)
+        harmonics = np.array(reference.harmonics)
+        for index, (body, shift) in enumerate(zip(self.bodies, commit.body_displacements)):
+            previous = self._previous(index, commit)
+            inverted, _ = moved_gaussians(body, relative[body.points], maps, previous=previous)
+            moved = inverted.gaussians
+            means[body.rows] = moved.means + (body.block.centre + np.asarray(shift))
+            quaternions[body.rows] = moved.quaternions
+            scales[body.rows] = moved.scales
+            harmonics[body.rows] = moved.harmonics
+        return reference.with_(means=means, quaternions=quaternions, scales=scales, harmonics=harmonics)
+
+    def _previous(self, index: int, commit: Commit) -> Gaussians | None:
+        """The body's Gaussians with the last valid frames of those that have none in this one; None if all have."""
+        lost = np.array(commit.degenerate[index], dtype=np.int64).reshape(-1, 2)
+        if len(lost) == 0:
+            return None
+        body = self.bodies[index]
+        local = body.block.local
+        quaternions, scales = local.quaternions.astype(np.float64), local.scales.astype(np.float64)
+        for last in np.unique(lost[:, 1]):
+            rows = lost[lost[:, 1] == last, 0]
+            chosen = local.select(rows)
+            block = dataclasses.replace(
+                body.block, local=chosen, rest=to_simplices(chosen, 4 if body.block.vertices == 4 else 3)
+            )
+            part = dataclasses.replace(body, rows=body.rows[rows], block=block, factors=body.factors[rows])
+            relative, _ = self.displacements(int(last))
+            shaped = relative[body.points].reshape(body.block.rest.shape)[rows]
+            inverted, _ = moved_gaussians(part, shaped.reshape(-1, 3), self.scene.maps, colour=False)
+            quaternions[rows] = inverted.gaussians.quaternions
+            scales[rows] = inverted.gaussians.scales
+        return local.with_(quaternions=quaternions, scales=scales)
+
+    @cached_property
+    def _store(self) -> Any:
+        import zarr
+
+        return zarr.open_group(str(self.path), mode="r")
+
+    def _array(self, name: str) -> Array:
+        try:
+            return np.asarray(self._store[name][...])
+        except (KeyError, OSError, ValueError, RuntimeError) as error:
+            raise RecordingError(f"{self.path}: {name} is damaged ({_short(error)})") from None
+
+    def _frame_array(self, name: str, commit: Commit) -> Array:
+        where = f"{self.path}: {name} of frame {commit.frame}"
+        for chunk, size in commit.chunks.items():
+            if f"frames/{name}/" in chunk:
+                file = self.path / chunk
+                found = file.stat().st_size if file.exists() else 0
+                if found != size:
+                    raise RecordingError(f"{where} is damaged: its chunk has {found} bytes, expected {size}")
+        try:
+            return np.asarray(self._store[f"frames/{name}"][commit.frame])
+        except (KeyError, OSError, ValueError, RuntimeError) as error:
+            raise RecordingError(f"{where} is damaged ({_short(error)})") from None
+
+
+def _short(error: BaseException) -> str:
+    return (" ".join(str(error).split()) or type(error).__name__)[:120]

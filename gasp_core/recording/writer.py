@@ -1,0 +1,366 @@
+"""Writes a recording frame by frame; each is durable, and visible, once it is whole."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RecordingError
+from gasp_core.gaussians import Gaussians
+from gasp_core.recording.durable import folder_in_the_making, remove_leftovers, sync_file, sync_folder
+from gasp_core.recording.layout import FORMAT, Commit, Header, commit_folder, read_attributes, write_attributes
+from gasp_core.recording.lock import lock
+from gasp_core.recording.reader import Recording
+
+__all__ = ["RecordingWriter", "split_displacements"]
+
+Array = NDArray[Any]
+
+_CHUNK_ROWS = 2**18
+_KEPT_CHECKPOINTS = 2
+
+
+def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[Array, Array]:
+    """Displacements (P, 3) float64 as the mean of each body, (bodies, 3), and the rest, (P, 3) float32."""
+    means = np.array([displacements[points].mean(axis=0) for points in bodies])
+    relative = np.empty(displacements.shape, dtype=np.float32)
+    for points, mean in zip(bodies, means):
+        relative[points] = displacements[points] - mean
+    return means, relative
+
+
+class RecordingWriter:
+    """The writing end of a recording; holds its lock until closed."""
+
+    def __init__(self, path: Path, header: Header, descriptor: int) -> None:
+        import zarr
+
+        self.path = path
+        self.header = header
+        self._descriptor: int | None = descriptor
+        self._bodies = [slice(body.first, body.last) for body in header.bodies]
+        store: Any = zarr.open_group(str(path), mode="r+")
+        self._frames: dict[str, Any] = {name: array for name, array in store["frames"].arrays()}
+        self._start: Array = np.asarray(store["reference/points"][...])
+
+    @classmethod
+    def create(
+        cls,
+        path: Path,
+        header: Header,
+        *,
+        reference: Gaussians,
+        moving: Array,
+        points: Array,
+        factors: Sequence[Array],
+        frames_wanted: int,
+        velocities: bool,
+        overwrite: bool,
+    ) -> RecordingWriter:
+        """Begin a recording; it appears under its name with all but the frames in it.
+
+        Raises
+        ------
+        RecordingError
+            Where something is there already, or the folder cannot be written.
+        """
+        replaced = _refuse_existing(path, overwrite)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(path)
+            with folder_in_the_making(path) as folder:
+                _write_store(folder, header, reference, moving, points, factors, frames_wanted, velocities)
+                if replaced:
+                    _discard(path)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
+        return cls(path, header, _locked(path))
+
+    @classmethod
+    def resume(cls, path: Path, header: Header, frames_wanted: int) -> tuple[RecordingWriter, int, dict[str, Array]]:
+        """Go on with a recording: the writer, the frame to go on from, and the engine's state there.
+
+        Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and the frame 0.
+
+        Raises
+        ------
+        RecordingError
+            Where the recording was made from another scene, by another engine, or is being written now.
+        """
+        remove_leftovers(path)
+        found = Recording.open(path)
+        _refuse_other(found.header, header, path)
+        descriptor = _locked(path)
+        try:
+            writer = cls(path, found.header, descriptor)
+            count = found.frame_count
+            frame, state = writer._last_checkpoint(count)
+            for name, array in writer._frames.items():
+                if array.shape[0] < frames_wanted:
+                    array.resize((frames_wanted, *array.shape[1:]))
+                    sync_file(path / "frames" / name / "zarr.json")
+            writer._write_status("running", "", max(frames_wanted, frame + 1))
+            if frame + 1 < max(count, 1) or count == 0:
+                writer._take_back(frame + 1 if state else 0)
+            return writer, frame, state
+        except OSError as error:
+            os.close(descriptor)
+            raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
+        except BaseException:
+            os.close(descriptor)
+            raise
+
+    def write_frame(
+        self,
+        frame: int,
+        time: float,
+        *,
+        relative: Array,
+        means: Array,
+        velocities: Array | None,
+        degenerate: Sequence[Array],
+        diagnostics: Mapping[str, Any],
+    ) -> None:
+        """Write a frame; it is on disk and visible when this returns, and neither before.
+
+        Parameters
+        ----------
+        frame, time
+            Number and simulated time [s].
+        relative : (P, 3)
+            Displacements less their body's mean [m].
+        means : (bodies, 3)
+            These means [m].
+        velocities : (P, 3) or None
+            [m/s], where the recording keeps them.
+        degenerate
+            For each body (K, 2): rows without a frame of their own, and the last frame in which they had one.
+        diagnostics
+            JSON values.
+
+        Raises
+        ------
+        RecordingError
+            Where the disk refuses; the frames before are kept.
+        """
+        try:
+            chunks: dict[str, int] = {}
+            for name, array in self._frames.items():
+                values = relative if name == "displacements" else velocities
+                assert values is not None
+                array[frame] = values.astype(np.float32, copy=False)
+                chunks |= self._sync_chunk(name, frame)
+            commit = Commit(
+                frame=frame,
+                time=time,
+                chunks=chunks,
+                body_displacements=tuple((float(x), float(y), float(z)) for x, y, z in means),
+                degenerate=tuple(tuple((int(row), int(last)) for row, last in rows) for rows in degenerate),
+                diagnostics=diagnostics,
+            )
+            write_attributes(commit_folder(self.path, frame), dataclasses.asdict(commit))
+            sync_folder(self.path / "commits")
+        except OSError as error:
+            raise RecordingError(
+                f"{self.path}: frame {frame} cannot be written: {error.strerror or error};"
+                " the frames before it are kept, free some space and resume"
+            ) from None
+
+    def split(self, positions: Array) -> tuple[Array, Array]:
+        """Means (bodies, 3) and relative displacements (P, 3) float32 of positions (P, 3) [m]."""
+        return split_displacements(positions - self._start, self._bodies)
+
+    def write_checkpoint(self, frame: int, state: Mapping[str, Array]) -> None:
+        """Keep the engine's state at a frame; older ones but one are dropped.
+
+        Raises
+        ------
+        RecordingError
+            Where the disk refuses.
+        """
+        import zarr
+        from zarr.codecs import BloscCodec, Crc32cCodec
+
+        folder = self.path / "checkpoints" / f"{frame:08d}"
+        try:
+            shutil.rmtree(folder, ignore_errors=True)
+            with folder_in_the_making(folder) as beside:
+                group: Any = zarr.create_group(str(beside), attributes={"frame": frame, "names": list(state)})
+                for index, array in enumerate(state.values()):
+                    values = np.asarray(array)
+                    group.create_array(
+                        f"{index:04d}",
+                        data=values,
+                        chunks=tuple(max(length, 1) for length in values.shape),
+                        compressors=[BloscCodec(cname="lz4", clevel=1), Crc32cCodec()],
+                    )
+            for older in sorted(self._checkpoints())[:-_KEPT_CHECKPOINTS]:
+                shutil.rmtree(self._checkpoints()[older], ignore_errors=True)
+        except OSError as error:
+            raise RecordingError(
+                f"{self.path}: the checkpoint of frame {frame} cannot be written: {error.strerror or error}"
+            ) from None
+
+    def finish(self, state: str, reason: str) -> None:
+        """Say how the run ended: "complete", or "incomplete" and why."""
+        self._write_status(state, reason, int(read_attributes(self.path / "status")["frames_wanted"]))
+
+    def close(self) -> None:
+        """Let go of the lock; may be called twice."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def _write_status(self, state: str, reason: str, frames_wanted: int) -> None:
+        attributes = {"state": state, "reason": reason, "frames_wanted": frames_wanted}
+        write_attributes(self.path / "status", attributes)
+
+    def _sync_chunk(self, name: str, frame: int) -> dict[str, int]:
+        """Flush the chunk file of a frame; its path and size."""
+        top = self.path / "frames" / name / "c"
+        file = top / str(frame) / "0" / "0"
+        key = file.relative_to(self.path).as_posix()
+        if not file.exists():
+            return {key: 0}
+        sync_file(file)
+        for folder in (file.parent, file.parent.parent, top, top.parent):
+            sync_folder(folder)
+        return {key: file.stat().st_size}
+
+    def _checkpoints(self) -> dict[int, Path]:
+        folder = self.path / "checkpoints"
+        return {int(entry.name): entry for entry in folder.iterdir() if entry.is_dir() and entry.name.isdigit()}
+
+    def _last_checkpoint(self, count: int) -> tuple[int, dict[str, Array]]:
+        """The last checkpoint whose frame is finished and that can be read, or frame 0 and nothing."""
+        checkpoints = self._checkpoints()
+        for frame in sorted(checkpoints, reverse=True):
+            if frame < count:
+                state = _read_checkpoint(checkpoints[frame])
+                if state:
+                    return frame, state
+        return 0, {}
+
+    def _take_back(self, first: int) -> None:
+        """Remove frames from `first` on: commits first, last to first, so that no half frame is ever seen."""
+        commits = self.path / "commits"
+        for entry in sorted((entry for entry in commits.iterdir() if entry.is_dir()), reverse=True):
+            if int(entry.name) >= first:
+                (entry / "zarr.json").unlink(missing_ok=True)
+                shutil.rmtree(entry, ignore_errors=True)
+        sync_folder(commits)
+        for frame, folder in self._checkpoints().items():
+            if frame >= first:
+                shutil.rmtree(folder, ignore_errors=True)
+        for name in self._frames:
+            for entry in (self.path / "frames" / name).glob("c/*"):
+                if int(entry.name) >= first:
+                    shutil.rmtree(entry, ignore_errors=True)
+
+
+def _write_store(
+    folder: Path,
+    header: Header,
+    reference: Gaussians,
+    moving: Array,
+    points: Array,
+    factors: Sequence[Array],
+    frames_wanted: int,
+    velocities: bool,
+) -> None:
+    import zarr
+    from zarr.codecs import BloscCodec, Crc32cCodec
+
+    # The checksum is the outermost codec: damage is found before anything is unpacked.
+    codecs = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
+    root: Any = zarr.create_group(str(folder), attributes=header.attributes())
+
+    def keep(name: str, values: Array) -> None:
+        chunks = (max(min(len(values), _CHUNK_ROWS), 1), *(max(length, 1) for length in values.shape[1:]))
+        root.create_array(name, data=np.ascontiguousarray(values), chunks=chunks, compressors=codecs)
+
+    for field in dataclasses.fields(reference):
+        keep(f"reference/{field.name}", getattr(reference, field.name))
+    keep("reference/moving", moving)
+    keep("reference/points", points)
+    for index, own in enumerate(factors):
+        keep(f"bodies/{index}/magnification", own)
+    for name in ("displacements", *(["velocities"] if velocities else [])):
+        root.create_array(
+            f"frames/{name}",
+            shape=(frames_wanted, *points.shape),
+            chunks=(1, *points.shape),
+            dtype="float32",
+            compressors=codecs,
+        )
+    write_attributes(folder / "commits", {})
+    write_attributes(folder / "checkpoints", {})
+    write_attributes(folder / "status", {"state": "running", "reason": "", "frames_wanted": frames_wanted})
+
+
+def _read_checkpoint(folder: Path) -> dict[str, Array]:
+    """The state kept in a folder; empty where it is damaged."""
+    import zarr
+
+    try:
+        names: list[str] = read_attributes(folder)["names"]
+        group: Any = zarr.open_group(str(folder), mode="r")
+        return {name: np.asarray(group[f"{index:04d}"][...]) for index, name in enumerate(names)}
+    except (RecordingError, KeyError, OSError, ValueError, RuntimeError):
+        return {}
+
+
+def _refuse_existing(path: Path, overwrite: bool) -> bool:
+    """Whether a recording is to be replaced; refuses all else that is in the way."""
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return False
+    try:
+        recording = path.is_dir() and read_attributes(path).get("format") == FORMAT
+    except (OSError, RecordingError):
+        recording = False
+    if not recording:
+        raise RecordingError(f"{path}: exists and is no recording: choose another name")
+    if not overwrite:
+        raise RecordingError(f"{path}: a recording is there already: resume it, choose another name, or overwrite it")
+    os.close(_locked(path))
+    return True
+
+
+def _discard(path: Path) -> None:
+    aside = path.with_name(f".{path.name}.{os.getpid()}.old.{os.getpid()}.part")
+    path.replace(aside)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _locked(path: Path) -> int:
+    descriptor = lock(path)
+    if descriptor is None:
+        raise RecordingError(f"{path}: another process is writing it: wait for it, or choose another name")
+    return descriptor
+
+
+def _refuse_other(found: Header, wanted: Header, path: Path) -> None:
+    advice = "run it anew, or under another name"
+    if found.scene_digest != wanted.scene_digest:
+        raise RecordingError(f"{path}: the scene or one of its splats has changed since it was recorded: {advice}")
+    if found.engine != wanted.engine:
+        changed = [
+            f"{field.name} {getattr(found.engine, field.name)} -> {getattr(wanted.engine, field.name)}"
+            for field in dataclasses.fields(wanted.engine)
+            if getattr(found.engine, field.name) != getattr(wanted.engine, field.name)
+        ]
+        raise RecordingError(f"{path}: the engine is not the one it was recorded with ({', '.join(changed)}): {advice}")
+    if found.points_digest != wanted.points_digest:
+        raise RecordingError(
+            f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
+            f" ({found.gasp_version}): {advice}"
+        )
+
+

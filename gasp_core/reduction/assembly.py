@@ -1,0 +1,190 @@
+"""From placed objects to the one problem an engine is given, and the way back for its points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.control import control
+from gasp_core.engine.contract import PointCloud, PointProblem
+from gasp_core.engine.materials import Material
+from gasp_core.errors import SceneError
+from gasp_core.games import InvertedSimplices, demagnify, invert_simplices
+from gasp_core.gaussians import Gaussians
+from gasp_core.reduction.all_vertices import Block, block_of, cell_volumes, magnification_of, rigid_velocities
+from gasp_core.scene.model import MapChoice, Scene
+from gasp_core.scene.selection import PlacedObject
+
+__all__ = ["Assembly", "Body", "assemble", "moved_gaussians", "moved_simplices"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """What is simulated of one object.
+
+    Parameters
+    ----------
+    name
+        Of the object.
+    rows : (N,)
+        Its moving Gaussians, as rows of the whole drawn scene.
+    points
+        Its rows of the engine's points; vertex v of simplex n is row ``points.start + n V + v``.
+    block
+        Its simplices.
+    factors : (N, V - 1)
+        Magnification of its edges.
+    """
+
+    name: str
+    rows: Array
+    points: slice
+    block: Block
+    factors: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assembly:
+    """The problem and what its points stand for.
+
+    Parameters
+    ----------
+    problem
+        For the engine.
+    spacing
+        Grid spacing [m], from the points before they were magnified.
+    bodies
+        In the order of `PointCloud.body_ids`.
+    """
+
+    problem: PointProblem
+    spacing: float
+    bodies: tuple[Body, ...]
+
+
+def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
+    """Build the problem of a scene whose objects have been placed.
+
+    Raises
+    ------
+    SceneError
+        Where nothing moves.
+    """
+    moving = [(index, placed) for index, placed in enumerate(objects) if placed.moving.any()]
+    if not moving:
+        raise SceneError("every object is static: nothing is left to simulate, leave static out of one of them")
+    starts = np.cumsum([0, *(len(placed.gaussians) for placed in objects)])
+    blocks = [
+        block_of(placed.gaussians.select(placed.moving), placed.item.vertices or scene.maps.vertices)
+        for _, placed in moving
+    ]
+    spacing = _spacing(scene, [placed for _, placed in moving], blocks)
+    bodies: list[Body] = []
+    columns: dict[str, list[Array]] = {}
+    materials: list[Material] = []
+    start = 0
+    for body, ((index, placed), block) in enumerate(zip(moving, blocks)):
+        points, factors = magnification_of(block, scene.maps.edge_floor * spacing)
+        volumes = cell_volumes(points, spacing)
+        material = placed.item.material
+        assert material is not None  # SplatObject refuses what moves and is made of nothing
+        if material not in materials:
+            materials.append(material)
+        own = {
+            "reference_positions": points,
+            "initial_velocities": rigid_velocities(
+                points, volumes, placed.item.velocity, placed.item.angular_velocity
+            ),
+            "reference_volumes": volumes,
+            "material_ids": np.full(len(points), materials.index(material)),
+            "body_ids": np.full(len(points), body),
+        }
+        for name, column in own.items():
+            columns.setdefault(name, []).append(column)
+        bodies.append(
+            Body(
+                name=placed.item.name,
+                rows=starts[index] + np.flatnonzero(placed.moving),
+                points=slice(start, start + len(points)),
+                block=block,
+                factors=factors,
+            )
+        )
+        start += len(points)
+    joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
+    problem = PointProblem(
+        points=PointCloud(**joined),
+        materials=tuple(materials),
+        colliders=scene.colliders,
+        drives=scene.drives,
+        force_fields=scene.force_fields,
+        gravity=scene.gravity,
+        domain=scene.domain,
+    )
+    return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
+
+
+def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block]) -> float:
+    """The engine's spacing [m]: from the centres of the Gaussians that do not float, not from the ends of edges.
+
+    One far floater, or one huge faint Gaussian of a capture, would otherwise set the resolution of all the rest.
+    """
+    bodies: list[Array] = []
+    for placed, block in zip(objects, blocks):
+        own = placed.gaussians.means[placed.moving & ~placed.floating]
+        # A single Gaussian has no extent but its edges.
+        bodies.append(own if len(own) > 1 and np.ptp(own, axis=0).any() else (block.rest + block.centre).reshape(-1, 3))
+    counts = [len(body) for body in bodies]
+    positions = np.concatenate(bodies)
+    cloud = PointCloud(
+        reference_positions=positions,
+        initial_velocities=np.zeros_like(positions),
+        reference_volumes=np.ones(len(positions)),
+        material_ids=np.zeros(len(positions)),
+        body_ids=np.repeat(np.arange(len(bodies)), counts),
+    )
+    return scene.accuracy.spacing_for(cloud)
+
+
+def moved_simplices(body: Body, displacements: Array) -> Array:
+    """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (N V, 3) [m].
+
+    The rest simplices are added after the displacements were divided by the magnification: at displacement zero
+    they come out to the last bit.
+    """
+    shaped = np.asarray(displacements, dtype=np.float64).reshape(body.block.rest.shape)
+    return body.block.rest + demagnify(shaped, body.factors)
+
+
+def moved_gaussians(
+    body: Body, displacements: Array, maps: MapChoice, *, colour: bool = True, previous: Gaussians | None = None
+) -> tuple[InvertedSimplices, Array]:
+    """T^-1 of a body's displaced points, means about the block's centre, and the mask (N,) of clipped simplices.
+
+    Parameters
+    ----------
+    body
+        Whose points.
+    displacements : (N V, 3) [m]
+        From the positions at the start, less any common translation.
+    maps
+        Which inverse and which bound.
+    colour
+        False leaves all but the constant harmonics out, where only shapes are asked for.
+    previous
+        Source of the frames of simplices that have none.
+    """
+    reference = body.block.local
+    if not colour:
+        reference = reference.with_(harmonics=reference.harmonics[:, :1])
+    simplices, clipped = control(moved_simplices(body, displacements), reference, maps.alpha, maps.covariance)
+    return (
+        invert_simplices(simplices, reference=reference, covariance=maps.covariance, previous=previous),
+        clipped,
+    )

@@ -1,0 +1,27 @@
+"""What is to happen: objects, what they are made of, what acts on them, and for how long."""
+
+from __future__ import annotations
+
+from gasp_core.scene.loading import load_scene
+from gasp_core.scene.model import (
+    EngineChoice,
+    Floaters,
+    MapChoice,
+    RecordingChoice,
+    Reduction,
+    Scene,
+    SplatObject,
+)
+from gasp_core.scene.writing import scene_to_toml
+
+__all__ = [
+    "EngineChoice",
+    "Floaters",
+    "MapChoice",
+    "RecordingChoice",
+    "Reduction",
+    "Scene",
+    "SplatObject",
+    "load_scene",
+    "scene_to_toml",
+]

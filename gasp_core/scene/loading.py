@@ -1,0 +1,217 @@
+"""Scene files: TOML in, `Scene` out, or one line that says where it went wrong."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+from gasp_core.engine.contract import EngineAccuracy
+from gasp_core.engine.forcing import Collider, ContactCondition, Domain, Drive, Driven, Impulse, Pinned, Side, Wind
+from gasp_core.engine.materials import MATERIALS, Material
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.errors import SceneError
+from gasp_core.scene.model import (
+    UP_AXES,
+    EngineChoice,
+    Floaters,
+    MapChoice,
+    RecordingChoice,
+    Reduction,
+    Scene,
+    SplatObject,
+)
+from gasp_core.scene.tables import Table, kind_of
+
+__all__ = ["load_scene", "read_scene"]
+
+AnyShape = HalfSpace | BoxShape | SphereShape
+
+_DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
+_TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording")
+_OBJECT = (
+    "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
+    "angular_velocity", "reduction", "min_opacity", "region", "floaters", "vertices",
+)  # fmt: skip
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path
+        TOML; splats named in it are looked for beside it.
+
+    Raises
+    ------
+    SceneError
+        Where the file cannot be read, is no TOML, has an unknown key, a wrong type or an impossible number, or names a
+        splat that is not there. The message names file and key.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SceneError(f"{path}: no such scene file") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: is not a text file in UTF-8, so no scene file (TOML)") from None
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
+    return read_scene(text, file=str(path), folder=path.parent)
+
+
+def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
+    """A scene from TOML text.
+
+    Parameters
+    ----------
+    text
+        TOML.
+    file
+        Named in messages.
+    folder
+        Relative splat paths start here and must exist. None: paths are taken as they are and not looked for.
+    """
+    try:
+        top = Table(file, "", tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{file}: is not valid TOML: {error}") from None
+    top.only(*_TOP)
+    top.required("scene", "a table [scene]")
+    head = top.table("scene")
+    head.only("duration", "frame_rate", "gravity")
+    accuracy = top.table("accuracy")
+    if accuracy.has("tolerance"):
+        accuracy.fail("tolerance", "comes later: name resolution = 64 (cells along the largest object) yourself")
+    objects = [_read_object(table, folder) for table in top.tables("object")]
+    if not objects:
+        top.fail("object", "missing, a scene needs at least one [[object]]")
+    for index, item in enumerate(objects):
+        if item.name in [other.name for other in objects[:index]]:
+            top.fail(f"object[{index}].name", f'"{item.name}" is taken: give each object a name of its own')
+    return head.make(
+        Scene,
+        {
+            "duration": head.number("duration"),
+            "frame_rate": head.number("frame_rate"),
+            "gravity": head.vector("gravity", (0.0, 0.0, -9.81)),
+            "objects": tuple(objects),
+            "colliders": tuple(_read_collider(table) for table in top.tables("collider")),
+            "drives": tuple(_read_drive(table) for table in top.tables("drive")),
+            "force_fields": tuple(_read_wind(table) for table in top.tables("wind")),
+            "domain": top.table("domain").build(Domain) if top.has("domain") else None,
+            "engine": _read_engine(top.table("engine")),
+            "accuracy": accuracy.build(EngineAccuracy),
+            "maps": top.table("maps").build(MapChoice),
+            "recording": top.table("recording").build(RecordingChoice),
+        },
+    )
+
+
+def _read_object(table: Table, folder: Path | None) -> SplatObject:
+    table.only(*_OBJECT)
+    values: dict[str, Any] = {"name": table.text("name"), "splat": _splat_path(table, folder)}
+    if table.has("material"):
+        values["material"] = _read_material(table.table("material"))
+    for key in ("height", "metres_per_unit"):
+        if table.has(key):
+            values[key] = table.number(key)
+    for key in ("position", "velocity", "angular_velocity"):
+        if table.has(key):
+            values[key] = table.vector(key)
+    if table.has("up"):
+        values["up"] = table.choice("up", {axis: axis for axis in UP_AXES})
+    if table.has("rotation"):
+        values["rotation"] = table.numbers("rotation", (3, 4))
+    if table.has("reduction"):
+        values["reduction"] = _read_reduction(table.table("reduction"))
+    if table.has("region"):
+        values["region"] = _read_shape(table.table("region"))
+    if table.has("vertices"):
+        values["vertices"] = _read_vertices(table)
+    values["static"] = table.flag("static")
+    values["min_opacity"] = table.number("min_opacity", 0.0)
+    values["floaters"] = table.choice("floaters", {rule.value: rule for rule in Floaters}, Floaters.KEEP.value)
+    return table.make(SplatObject, values)
+
+
+def _splat_path(table: Table, folder: Path | None) -> Path:
+    text = table.text("splat")
+    if folder is None:
+        return Path(text)
+    path = Path(text).expanduser()
+    path = path if path.is_absolute() else folder / path
+    if not path.exists():
+        table.fail("splat", f"no such file: {path} (relative paths start at the scene file)")
+    return path
+
+
+def _read_material(table: Table) -> Material:
+    kind: type[Material] = table.choice("model", MATERIALS)
+    return table.build(kind, tag="model")
+
+
+def _read_reduction(table: Table) -> Reduction:
+    table.only("mode")
+    mode = table.text("mode", "all")
+    if mode in ("cores", "volume"):
+        table.fail("mode", f'"{mode}" comes later: use "all"')
+    if mode != "all":
+        table.fail("mode", f'must be "all", found {kind_of(mode)}')
+    return Reduction(mode=mode)
+
+
+def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:
+    value = table.values["vertices"]
+    if isinstance(value, bool) or value not in (3, 4, "auto"):
+        table.fail("vertices", f'must be 3, 4 or "auto", found {kind_of(value)}')
+    return value
+
+
+def _read_shape(table: Table, *also: str, plane_height: bool = False) -> AnyShape:
+    """The shape a table describes; keys in `also` belong to somebody else."""
+    shape = table.choice("shape", {"plane": "plane", "box": "box", "sphere": "sphere"})
+    if shape == "box":
+        table.only("shape", "center", "half_extents", *also)
+        return table.make(
+            BoxShape, {"center": table.vector("center"), "half_extents": table.vector("half_extents")}
+        )
+    if shape == "sphere":
+        table.only("shape", "center", "radius", *also)
+        return table.make(SphereShape, {"center": table.vector("center"), "radius": table.number("radius")})
+    if plane_height and table.has("height"):
+        table.only("shape", "height", *also)
+        return table.make(HalfSpace, {"point": (0.0, 0.0, table.number("height")), "normal": (0.0, 0.0, 1.0)})
+    table.only("shape", "point", "normal", *(["height"] if plane_height else []), *also)
+    return table.make(HalfSpace, {"point": table.vector("point"), "normal": table.vector("normal")})
+
+
+def _read_collider(table: Table) -> Collider:
+    shape = _read_shape(table, "contact", "friction", "side", plane_height=True)
+    return table.make(
+        Collider,
+        {
+            "shape": shape,
+            "contact": table.choice("contact", {way.value: way for way in ContactCondition}, "separate"),
+            "friction": table.number("friction", 0.0),
+            "side": table.choice("side", {side.value: side for side in Side}, "outside"),
+        },
+    )
+
+
+def _read_drive(table: Table) -> Drive:
+    kind = table.choice("kind", _DRIVES)
+    table.required("region", 'a table such as { shape = "box", center = [0, 0, 0], half_extents = [1, 1, 1] }')
+    return table.build(kind, tag="kind", region=_read_shape(table.table("region")))
+
+
+def _read_wind(table: Table) -> Wind:
+    region = _read_shape(table.table("region")) if table.has("region") else None
+    return table.build(Wind, region=region)
+
+
+def _read_engine(table: Table) -> EngineChoice:
+    if table.values.get("name") == "auto":
+        table.fail("name", '"auto" comes later: name an engine yourself (see `gasp engines`)')
+    return table.build(EngineChoice, options=dict(table.table("options").values))

@@ -1,0 +1,316 @@
+"""A scene as frozen dataclasses: SI units, right-handed axes, +z up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any, Literal
+
+from gasp_core.engine.checks import Vector, finite, finite_vector
+from gasp_core.engine.contract import EngineAccuracy, Precision
+from gasp_core.engine.forcing import Collider, Domain, Drive, ForceField
+from gasp_core.engine.materials import Material
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
+
+__all__ = [
+    "EngineChoice",
+    "Floaters",
+    "MapChoice",
+    "RecordingChoice",
+    "Reduction",
+    "Scene",
+    "SplatObject",
+    "UpAxis",
+]
+
+UpAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+UP_AXES: tuple[UpAxis, ...] = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
+class Floaters(Enum):
+    """What becomes of Gaussians outside the large connected components of an object."""
+
+    DROP = "drop"
+    """They are left out of the recording."""
+    STILL = "still"
+    """They are drawn where they are and never simulated."""
+    KEEP = "keep"
+    """They are simulated like the rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduction:
+    """Which points an engine is given for an object; "all" is every vertex of every simplex, as in the paper."""
+
+    mode: str = "all"
+
+    def __post_init__(self) -> None:
+        if self.mode in ("cores", "volume"):
+            raise SceneError(f'Reduction.mode "{self.mode}" comes later: use "all"')
+        if self.mode != "all":
+            raise SceneError(f'Reduction.mode must be "all", found {self.mode!r}')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplatObject:
+    """A splat, where it is put and what it is made of.
+
+    Parameters
+    ----------
+    name
+        Unique in the scene.
+    splat
+        A splat file (or folder, for unpacked .sog), or the Gaussians themselves.
+    material
+        What it is made of; None only with `static`.
+    static
+        Drawn where it stands, never simulated.
+    up
+        The splat's axis that becomes +z. None: "-y" for a file, the habit of 3DGS captures, and "+z" for Gaussians
+        built in memory, the frame of everything else here.
+    height
+        Extent along the up axis [m] that the robust bounding box is scaled to.
+    metres_per_unit
+        Length [m] of the splat's unit instead; 1 where neither is given.
+    position
+        Where the lower centre of the robust bounding box goes [m], so that an object stands on what is at its z.
+        None: the splat's origin stays the world's origin.
+    rotation
+        Three angles [degrees] about the world's x, then y, then z axis, or a quaternion w x y z; applied to the
+        object once it stands upright, before `position`.
+    velocity
+        Of the object's centre of volume at the start [m/s].
+    angular_velocity
+        About that centre at the start [rad/s].
+    reduction
+        Which points the engine is given.
+    min_opacity
+        Gaussians of a lower opacity (0..1) are left out.
+    region
+        Part of the world that is simulated; Gaussians whose centre is outside stay still.
+    floaters
+        What becomes of Gaussians outside the large connected components. "keep" by default: nobody's lettering or
+        loose leaves are thrown away unasked; their number is reported all the same.
+    vertices
+        Vertices of a simplex for this object; None: as in `Scene.maps`.
+
+    Raises
+    ------
+    SceneError
+        Where a value is impossible or two contradict each other.
+    """
+
+    name: str
+    splat: Path | Gaussians
+    material: Material | None = None
+    static: bool = False
+    up: UpAxis | None = None
+    height: float | None = None
+    metres_per_unit: float | None = None
+    position: Vector | None = None
+    rotation: tuple[float, ...] | None = None
+    velocity: Vector = (0.0, 0.0, 0.0)
+    angular_velocity: Vector = (0.0, 0.0, 0.0)
+    reduction: Reduction = field(default_factory=Reduction)
+    min_opacity: float = 0.0
+    region: HalfSpace | BoxShape | SphereShape | None = None
+    floaters: Floaters = Floaters.KEEP
+    vertices: Literal[3, 4, "auto"] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise SceneError("SplatObject.name must not be empty")
+        if isinstance(self.splat, str):
+            object.__setattr__(self, "splat", Path(self.splat))
+        if self.static and self.material is not None:
+            raise SceneError(f'SplatObject.material of "{self.name}" has no meaning with static: leave one of them out')
+        if not self.static and self.material is None:
+            raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
+        if self.up is not None and self.up not in UP_AXES:
+            raise SceneError(f"SplatObject.up must be one of {', '.join(UP_AXES)}, found {self.up!r}")
+        if self.height is not None and self.metres_per_unit is not None:
+            raise SceneError("SplatObject.height and metres_per_unit contradict each other: give one of them")
+        for name in ("height", "metres_per_unit"):
+            if getattr(self, name) is not None:
+                finite(self, name, low=0.0, open_low=True)
+        if self.position is not None:
+            finite_vector(self, "position")
+        finite_vector(self, "velocity")
+        finite_vector(self, "angular_velocity")
+        finite(self, "min_opacity", low=0.0, high=1.0)
+        if self.rotation is not None:
+            _check_rotation(self)
+        if self.vertices not in (None, 3, 4, "auto"):
+            raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+
+
+def _check_rotation(owner: SplatObject) -> None:
+    value: Any = owner.rotation
+    try:
+        rotation = tuple(float(component) for component in value)
+    except (TypeError, ValueError):
+        rotation = ()
+    if len(rotation) not in (3, 4) or not all(math.isfinite(component) for component in rotation):
+        raise SceneError(f"SplatObject.rotation must be three degrees or a quaternion w x y z, found {value!r}")
+    if len(rotation) == 4 and not any(rotation):
+        raise SceneError("SplatObject.rotation must not be the zero quaternion")
+    object.__setattr__(owner, "rotation", rotation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineChoice:
+    """Which engine runs the scene, and how.
+
+    Parameters
+    ----------
+    name
+        As `gasp engines` lists it.
+    device, precision
+        None: the engine's first.
+    seed
+        For whatever the engine draws at random.
+    options
+        What only this engine has; checked against its own option class when it is opened.
+    """
+
+    name: str = "taichi-mpm"
+    device: str | None = None
+    precision: Precision | None = None
+    seed: int = 0
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        if self.name == "auto":
+            raise SceneError('EngineChoice.name "auto" comes later: name an engine yourself (see `gasp engines`)')
+        if not self.name:
+            raise SceneError("EngineChoice.name must not be empty")
+        finite(self, "seed", low=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapChoice:
+    """How Gaussians become simplices and back.
+
+    Parameters
+    ----------
+    vertices
+        3: the paper's triangle, 4: a tetrahedron for Gaussians that are not flat; "auto" looks at the splat.
+    covariance
+        "exact" (the covariance of the affinely deformed Gaussian) or "gram_schmidt" (the paper's).
+    alpha
+        Bound of the control rule on how far a Gaussian may stretch, > 0; inf switches it off.
+    edge_floor
+        Shortest edge an engine is given, as a fraction of its spacing; shorter ones are magnified on the way in and
+        divided back. 0: the paper's own points.
+    """
+
+    vertices: Literal[3, 4, "auto"] = "auto"
+    covariance: Literal["exact", "gram_schmidt"] = "exact"
+    alpha: float = math.inf
+    edge_floor: float = 0.25
+
+    def __post_init__(self) -> None:
+        if self.vertices not in (3, 4, "auto"):
+            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if self.covariance not in ("exact", "gram_schmidt"):
+            raise SceneError(f'MapChoice.covariance must be "exact" or "gram_schmidt", found {self.covariance!r}')
+        if self.alpha != math.inf:
+            finite(self, "alpha", low=0.0, open_low=True)
+        finite(self, "edge_floor", low=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingChoice:
+    """What a recording holds besides positions, and how often it can be gone on from.
+
+    Parameters
+    ----------
+    velocities
+        Keep the points' velocities of every frame too (float32).
+    checkpoint_seconds
+        Wall time [s] after which the next frame is followed by a checkpoint.
+    checkpoint_frames
+        A checkpoint after every so many frames as well; None: by time alone.
+    """
+
+    velocities: bool = False
+    checkpoint_seconds: float = 30.0
+    checkpoint_frames: int | None = None
+
+    def __post_init__(self) -> None:
+        finite(self, "checkpoint_seconds", low=0.0)
+        if self.checkpoint_frames is not None:
+            finite(self, "checkpoint_frames", low=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Everything a simulation needs.
+
+    Parameters
+    ----------
+    duration
+        Simulated time [s].
+    frame_rate
+        Frames a second of simulated time [1/s].
+    objects
+        At least one, of different names.
+    gravity
+        [m/s^2].
+    colliders, drives, force_fields, domain
+        What acts on the matter.
+    engine, accuracy, maps, recording
+        How it is computed and kept.
+
+    Raises
+    ------
+    SceneError
+        Where a value is impossible.
+    """
+
+    duration: float
+    frame_rate: float
+    objects: tuple[SplatObject, ...]
+    gravity: Vector = (0.0, 0.0, -9.81)
+    colliders: tuple[Collider, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    force_fields: tuple[ForceField, ...] = ()
+    domain: Domain | None = None
+    engine: EngineChoice = field(default_factory=EngineChoice)
+    accuracy: EngineAccuracy = field(default_factory=EngineAccuracy)
+    maps: MapChoice = field(default_factory=MapChoice)
+    recording: RecordingChoice = field(default_factory=RecordingChoice)
+
+    def __post_init__(self) -> None:
+        finite(self, "duration", low=0.0, open_low=True)
+        finite(self, "frame_rate", low=0.0, open_low=True)
+        finite_vector(self, "gravity")
+        for name in ("objects", "colliders", "drives", "force_fields"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if not self.objects:
+            raise SceneError("Scene.objects is empty: a scene needs at least one object")
+        seen: set[str] = set()
+        for item in self.objects:
+            if item.name in seen:
+                raise SceneError(f'Scene.objects has two objects named "{item.name}": give each a name of its own')
+            seen.add(item.name)
+        if self.frame_count > 10_000_000:
+            raise SceneError(
+                f"Scene.duration {self.duration:g} s at {self.frame_rate:g} frames a second makes {self.frame_count}"
+                " frames, more than 10000000: shorten it"
+            )
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames, the one at time 0 included."""
+        # A hair of tolerance: 0.3 s at 10 frames a second is three steps, though 0.3 * 10 is below 3 in binary.
+        return 1 + math.floor(self.duration * self.frame_rate * (1 + 1e-12) + 1e-9)
+
+    def time_of(self, frame: int) -> float:
+        """Simulated time [s] of a frame; the same number however the run got there."""
+        return frame / self.frame_rate

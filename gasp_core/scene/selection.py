@@ -1,0 +1,169 @@
+"""Which Gaussians of an object are simulated, which stay still, which are left out, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
+from gasp_core.scene.floaters import floating
+from gasp_core.scene.model import Floaters, SplatObject
+from gasp_core.scene.placement import place, placement_of
+
+__all__ = ["PlacedObject", "SetAside", "place_object"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetAside:
+    """How many Gaussians of an object are not simulated, by reason; each is counted once, under the first that fits.
+
+    Parameters
+    ----------
+    total
+        In the file.
+    non_finite
+        With a NaN or an infinity in any array; left out.
+    invisible
+        With all scales zero, or one below zero; left out. Needles and flat discs stay: the maps bear them.
+    faint
+        Below `min_opacity`; left out.
+    floaters
+        Outside the large connected components, whatever is done with them.
+    floaters_rule
+        What is done with them.
+    outside_region
+        Outside `region`; still.
+    first_non_finite
+        Rows of the file, at most five.
+    """
+
+    total: int
+    non_finite: int
+    invisible: int
+    faint: int
+    floaters: int
+    floaters_rule: str
+    outside_region: int
+    first_non_finite: tuple[int, ...]
+
+    def sentences(self, name: str) -> list[str]:
+        """One sentence for each reason that applies, for the user."""
+        found: list[str] = []
+
+        def say(count: int, what: str) -> None:
+            if count:
+                found.append(f'object "{name}": {count} of {self.total} Gaussians {what}')
+
+        rows = ", ".join(str(row) for row in self.first_non_finite)
+        say(self.non_finite, f"are not finite (first rows {rows}) and are left out")
+        say(self.invisible, "have no extent (all scales zero, or one below zero) and are left out")
+        say(self.faint, "are below min_opacity and are left out")
+        fate = {
+            Floaters.DROP.value: "float apart from the rest and are left out",
+            Floaters.STILL.value: "float apart from the rest and stay still",
+            Floaters.KEEP.value: 'float apart from the rest and are simulated (floaters = "drop" or "still": not)',
+        }
+        say(self.floaters, fate[self.floaters_rule])
+        say(self.outside_region, "are outside the region and stay still")
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedObject:
+    """An object in the world.
+
+    Parameters
+    ----------
+    item
+        As the scene describes it.
+    gaussians
+        All that are drawn, in metres and +z up, in the order of the file.
+    moving : (N,)
+        Mask of those that are simulated.
+    floating : (N,)
+        Mask of those that float apart from the rest: they count neither for the size nor for the resolution.
+    rows : (N,)
+        Their rows in the file.
+    set_aside
+        What is not simulated, and why.
+    """
+
+    item: SplatObject
+    gaussians: Gaussians
+    moving: Array
+    floating: Array
+    rows: Array
+    set_aside: SetAside
+
+
+def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
+    """Select and place the Gaussians of an object.
+
+    Parameters
+    ----------
+    item
+        As the scene describes it.
+    gaussians
+        As the file holds them.
+
+    Raises
+    ------
+    SceneError
+        Where nothing is left to draw, or nothing to simulate of an object that is not static.
+    """
+    finite = _finite_rows(gaussians)
+    visible = (gaussians.scales > 0).any(axis=1) & (gaussians.scales >= 0).all(axis=1)
+    opaque = gaussians.opacities >= item.min_opacity
+    drawn = finite & visible & opaque
+    rows = np.flatnonzero(drawn)
+    if len(rows) == 0:
+        raise SceneError(
+            f'object "{item.name}": none of its {len(gaussians)} Gaussians is left'
+            f" ({int((~finite).sum())} not finite, {int((finite & ~visible).sum())} without extent,"
+            f" {int((finite & visible & ~opaque).sum())} below min_opacity {item.min_opacity:g})"
+        )
+    floats = floating(gaussians.means[rows])
+    # The object is as tall as its connected parts; what floats above it does not count, whatever becomes of it.
+    placement = placement_of(item, gaussians.select(rows[~floats]))
+    count = int(floats.sum())
+    if item.floaters is Floaters.DROP:
+        rows, floats = rows[~floats], np.zeros(len(rows) - count, dtype=bool)
+    placed = place(gaussians.select(rows), placement)
+    moving = np.full(len(rows), not item.static)
+    if item.floaters is Floaters.STILL:
+        moving &= ~floats
+    outside = np.zeros(len(rows), dtype=bool)
+    if item.region is not None:
+        outside = moving & (item.region.signed_distance(placed.means) > 0)
+        moving &= ~outside
+    if not item.static and not moving.any():
+        raise SceneError(
+            f'object "{item.name}": none of its {len(rows)} Gaussians is inside the region:'
+            " move the region (it is in world coordinates, metres, +z up), or say static = true"
+        )
+    set_aside = SetAside(
+        total=len(gaussians),
+        non_finite=int((~finite).sum()),
+        invisible=int((finite & ~visible).sum()),
+        faint=int((finite & visible & ~opaque).sum()),
+        floaters=count,
+        floaters_rule=item.floaters.value,
+        outside_region=int(outside.sum()),
+        first_non_finite=tuple(int(row) for row in np.flatnonzero(~finite)[:5]),
+    )
+    return PlacedObject(
+        item=item, gaussians=placed, moving=moving, floating=floats, rows=rows, set_aside=set_aside
+    )
+
+
+def _finite_rows(gaussians: Gaussians) -> Array:
+    finite = np.isfinite(gaussians.opacities)
+    for array in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.harmonics):
+        finite &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
+    return finite

@@ -1,0 +1,116 @@
+"""A scene as the text of a scene file again, so that a recording can keep what it was made from."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any, cast
+
+from gasp_core.engine.forcing import Collider
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.gaussians import Gaussians
+from gasp_core.scene.model import Scene, SplatObject
+
+__all__ = ["MEMORY", "gaussians_digest", "scene_to_toml"]
+
+MEMORY = "memory:"
+"""Stands before the digest of Gaussians that came from no file."""
+
+
+def gaussians_digest(gaussians: Gaussians) -> str:
+    """SHA-256 over the arrays, their types and shapes."""
+    digest = hashlib.sha256()
+    for field in dataclasses.fields(gaussians):
+        array = getattr(gaussians, field.name)
+        digest.update(f"{field.name} {array.dtype.str} {array.shape};".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def scene_to_toml(scene: Scene) -> str:
+    """TOML text that `load_scene` reads back as an equal scene; splats that are files keep their absolute paths.
+
+    Gaussians built in memory are written as ``memory:`` and a digest: they are in the recording, not in the text.
+    """
+    head = {"duration": scene.duration, "frame_rate": scene.frame_rate, "gravity": scene.gravity}
+    lines = ["[scene]", *_entries(head)]
+    for item in scene.objects:
+        lines += ["", "[[object]]", *_entries(_object(item))]
+    for collider in scene.colliders:
+        lines += ["", "[[collider]]", *_entries(_collider(collider))]
+    for drive in scene.drives:
+        lines += ["", "[[drive]]", *_entries({"kind": drive.kind, **_fields(drive)})]
+    for wind in scene.force_fields:
+        lines += ["", "[[wind]]", *_entries(_fields(wind))]
+    if scene.domain is not None:
+        lines += ["", "[domain]", *_entries(_fields(scene.domain))]
+    for name in ("engine", "accuracy", "maps", "recording"):
+        lines += ["", f"[{name}]", *_entries(_fields(getattr(scene, name)))]
+    return "\n".join(lines) + "\n"
+
+
+def _object(item: SplatObject) -> dict[str, Any]:
+    values = _fields(item)
+    if isinstance(item.splat, Gaussians):
+        values["splat"] = MEMORY + gaussians_digest(item.splat)
+    elif not str(item.splat).startswith(MEMORY):
+        values["splat"] = str(item.splat.absolute())
+    if item.material is not None:
+        values["material"] = {"model": item.material.kind, **_fields(item.material)}
+    return values
+
+
+def _collider(collider: Collider) -> dict[str, Any]:
+    values = _fields(collider)
+    shape: dict[str, Any] = values.pop("shape")
+    return {**shape, **values}
+
+
+def _fields(owner: Any) -> dict[str, Any]:
+    """Fields of a dataclass that are not None, as TOML values."""
+    values = {field.name: getattr(owner, field.name) for field in dataclasses.fields(owner)}
+    return {name: _plain(value) for name, value in values.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (HalfSpace, BoxShape, SphereShape)):
+        return {"shape": value.kind, **_fields(value)}
+    if isinstance(value, Gaussians):
+        return ""
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Path):
+        return str(value)
+    if dataclasses.is_dataclass(value):
+        return _fields(value)
+    return value
+
+
+def _entries(values: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {_text(value)}" for key, value in values.items()]
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("-", "_").replace("_", "a").isalnum()
+    return key if bare else _text(key)
+
+
+def _text(value: Any) -> str:
+    """A value as TOML; JSON's escapes are TOML's, but for DEL, which TOML wants escaped too."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, Mapping):
+        entries = cast("Mapping[str, Any]", value)
+        return "{ " + ", ".join(_entries(entries)) + " }" if entries else "{}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_text(entry) for entry in cast("list[Any]", value)) + "]"
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,110 @@
+"""What happens to the velocity of grid nodes: wind, drives, colliders, the domain's edge.
+
+Every function takes velocities (G, 3) [m/s] of nodes at positions (G, 3) [m] in the scene's own frame, and returns new
+velocities.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.forcing import (
+    Collider,
+    ContactCondition,
+    Domain,
+    Drive,
+    Driven,
+    ForceField,
+    Impulse,
+    Side,
+    Wind,
+)
+
+__all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "rotation"]
+
+Array = NDArray[Any]
+
+TOUCH = 1e-3
+"""In cells: a node this near to a surface counts as on it, so that one lying exactly on a plane does so whatever way
+its coordinates were rounded."""
+
+
+def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time: float, step: float) -> Array:
+    """Drag towards the air's velocity, dv/dt = k (u - v), implicit in v: never overshoots however strong the wind."""
+    for wind in winds:
+        if not isinstance(wind, Wind) or not wind.start <= time < wind.end:
+            continue
+        relaxed = (velocities + step * wind.drag * np.asarray(wind.velocity)) / (1 + step * wind.drag)
+        if wind.region is None:
+            velocities = relaxed
+        else:
+            inside = wind.region.signed_distance(positions) <= 0
+            velocities = np.where(inside[:, None], relaxed, velocities)
+    return velocities
+
+
+def rotation(rotation_vector: Array) -> Array:
+    """Rotation matrix (3, 3) about an axis by its length [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(rotation_vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(rotation_vector) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def driven(velocities: Array, positions: Array, drives: Sequence[Drive], time: float, spacing: float) -> Array:
+    """Prescribed velocity in the regions of drives that are active; the regions have moved with their drive."""
+    for drive in drives:
+        if isinstance(drive, Impulse) or not drive.start <= time < drive.end:
+            continue
+        prescribed = np.zeros_like(velocities)
+        seen_from_region = positions
+        if isinstance(drive, Driven):
+            elapsed = time - drive.start
+            spin, center = np.asarray(drive.angular_velocity), np.asarray(drive.center)
+            arm = positions - (center + np.asarray(drive.velocity) * elapsed)
+            prescribed = np.asarray(drive.velocity) + np.cross(spin, arm)
+            seen_from_region = arm @ rotation(spin * elapsed) + center
+        inside = drive.region.signed_distance(seen_from_region) <= TOUCH * spacing
+        velocities = np.where(inside[:, None], prescribed, velocities)
+    return velocities
+
+
+def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:
+    """Contact conditions at nodes on or behind the surface of each collider, in the order given."""
+    for collider in colliders:
+        sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
+        touching = sign * collider.shape.signed_distance(positions) <= TOUCH * spacing
+        normal = sign * collider.shape.outward_normal(positions[touching])
+        velocities = velocities.copy()
+        velocities[touching] = _after_contact(velocities[touching], normal, collider)
+    return velocities
+
+
+def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Array:
+    approach = np.sum(velocities * normals, axis=1, keepdims=True)
+    tangential = velocities - approach * normals
+    match collider.contact:
+        case ContactCondition.STICK:
+            return np.zeros_like(velocities)
+        case ContactCondition.SLIP:
+            return tangential
+        case ContactCondition.SEPARATE:
+            # Coulomb: what the floor took along the normal bounds what it takes along the surface.
+            speed = np.linalg.norm(tangential, axis=1, keepdims=True)
+            kept = np.maximum(0.0, 1 + collider.friction * approach / np.where(speed > 0, speed, 1.0))
+            return np.where(approach < 0, kept * tangential, velocities)
+
+
+def kept_inside(velocities: Array, positions: Array, domain: Domain, spacing: float) -> Array:
+    """The domain's edge as a slip wall: no velocity out of it at nodes on or beyond it."""
+    beyond_lower = positions <= np.asarray(domain.lower) + TOUCH * spacing
+    beyond_upper = positions >= np.asarray(domain.upper) - TOUCH * spacing
+    velocities = np.where(beyond_lower, np.maximum(velocities, 0.0), velocities)
+    return np.where(beyond_upper, np.minimum(velocities, 0.0), velocities)

@@ -1,0 +1,81 @@
+"""The engine: opens sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.engine.stability import refuse_unstable_substep
+from gasp_core.errors import SceneError
+from gasp_reference_mpm.lattice import grid_origin
+from gasp_reference_mpm.matter import Motion, matter_of
+from gasp_reference_mpm.session import ReferenceSession
+from gasp_reference_mpm.substep import seeded_velocity_gradients
+
+__all__ = ["ReferenceMpm"]
+
+Array = NDArray[Any]
+
+
+class ReferenceMpm:
+    """MLS-MPM in plain NumPy and double precision; see `gasp_core.engine.contract.PointEngine`."""
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        device: str,
+        precision: Precision,
+        seed: int,
+        accuracy: EngineAccuracy,
+        options: Any = None,
+        restart: Mapping[str, Array] | None = None,
+    ) -> ReferenceSession:
+        """Set a problem up, or go on from a checkpoint of it.
+
+        Nothing is drawn at random, there is one device and one precision, and no options of its own.
+
+        Raises
+        ------
+        SceneError
+            Where a fixed substep is above the stable bound, or the checkpoint is of another problem.
+        """
+        spacing = accuracy.spacing_for(problem.points)
+        refuse_unstable_substep(problem, spacing, accuracy)
+        origin = grid_origin(problem, spacing)
+        matter = matter_of(problem)
+        time, motion = (0.0, None) if restart is None else _restored(restart, len(problem.points))
+        if motion is None:
+            positions = problem.points.reference_positions - origin
+            velocities = problem.points.initial_velocities
+            motion = Motion(
+                positions=positions,
+                velocities=velocities,
+                velocity_gradients=seeded_velocity_gradients(positions, spacing, matter.masses, velocities),
+                deformations=np.tile(np.eye(3), (len(positions), 1, 1)),
+                volume_gains=np.zeros(len(positions)),
+            )
+        return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time)
+
+
+def _restored(checkpoint: Mapping[str, Array], count: int) -> tuple[float, Motion]:
+    shapes = {
+        "positions": (count, 3),
+        "velocities": (count, 3),
+        "velocity_gradients": (count, 3, 3),
+        "deformations": (count, 3, 3),
+        "volume_gains": (count,),
+    }
+    for name, shape in {"time": (), **shapes}.items():
+        found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"
+        if found != shape:
+            raise SceneError(
+                f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
+                " start the run anew"
+            )
+    arrays = {name: np.array(checkpoint[name], dtype=np.float64) for name in shapes}
+    return float(checkpoint["time"]), Motion(**arrays)

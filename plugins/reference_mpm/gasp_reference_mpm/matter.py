@@ -1,0 +1,127 @@
+"""Points and how each of them deforms: which law belongs to which material, applied row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
+from gasp_core.engine.stability import rest_bound, stiffening
+from gasp_reference_mpm.constitution import (
+    drucker_prager_projection,
+    fixed_corotated_stress,
+    fluid_deformation,
+    fluid_stress,
+    hencky_stress,
+    neo_hookean_stress,
+)
+
+__all__ = ["Matter", "Motion", "deformed", "kirchhoff_stress", "matter_of", "stable_step"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matter:
+    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], and the rows each material owns."""
+
+    masses: Array
+    volumes: Array
+    portions: tuple[tuple[Material, Array], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What changes. Positions are relative to the grid's origin.
+
+    Parameters
+    ----------
+    positions : (N, 3) [m]
+    velocities : (N, 3) [m/s]
+    velocity_gradients : (N, 3, 3) [1/s]
+        The affine velocity C.
+    deformations : (N, 3, 3)
+        F; the elastic part for sand, J^(1/3) I for fluids.
+    volume_gains : (N,)
+        Sand alone: see `drucker_prager_projection`.
+    """
+
+    positions: Array
+    velocities: Array
+    velocity_gradients: Array
+    deformations: Array
+    volume_gains: Array
+
+
+def matter_of(problem: PointProblem) -> Matter:
+    """Masses, volumes and material rows of a problem."""
+    ids = problem.points.material_ids
+    return Matter(
+        masses=problem.masses,
+        volumes=problem.points.reference_volumes,
+        portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
+    )
+
+
+def _law_stress(material: Material, deformation: Array, velocity_gradient: Array) -> Array:
+    match material:
+        case Elastic():
+            return fixed_corotated_stress(deformation, material.shear_modulus, material.lame_lambda)
+        case NeoHookean():
+            return neo_hookean_stress(deformation, material.shear_modulus, material.lame_lambda)
+        case Sand():
+            return hencky_stress(deformation, material.shear_modulus, material.lame_lambda)
+        case Fluid():
+            return fluid_stress(deformation, velocity_gradient, material.bulk_modulus, material.viscosity)
+        case _:
+            raise AssertionError(f"{material.kind} is not among the declared materials")
+
+
+def kirchhoff_stress(matter: Matter, motion: Motion) -> Array:
+    """tau of every point, (N, 3, 3) [Pa]."""
+    stress = np.empty_like(motion.deformations)
+    for material, rows in matter.portions:
+        stress[rows] = _law_stress(material, motion.deformations[rows], motion.velocity_gradients[rows])
+    return stress
+
+
+def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: float) -> tuple[Array, Array]:
+    """Deformation and volume gain after `step` [s] of the affine velocities C (N, 3, 3) [1/s].
+
+    F grows to (I + dt C) F; then the material says how much of that it keeps as elastic deformation.
+    """
+    deformations = motion.deformations + step * velocity_gradients @ motion.deformations
+    volume_gains = motion.volume_gains.copy()
+    for material, rows in matter.portions:
+        match material:
+            case Sand():
+                deformations[rows], volume_gains[rows] = drucker_prager_projection(
+                    deformations[rows],
+                    volume_gains[rows],
+                    material.shear_modulus,
+                    material.lame_lambda,
+                    material.friction_angle,
+                )
+            case Fluid():
+                dilation = step * np.trace(velocity_gradients[rows], axis1=1, axis2=2)
+                deformations[rows] = fluid_deformation(motion.deformations[rows], dilation)
+            case _:
+                pass
+    return deformations, volume_gains
+
+
+def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:
+    """Smallest stable step [s] over all points as they are deformed now."""
+    bound = np.inf
+    for material, rows in matter.portions:
+        deformation = motion.deformations[rows]
+        growth = stiffening(deformation)
+        if isinstance(material, Fluid):
+            # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
+            growth = np.maximum(growth, np.linalg.det(deformation) ** -8)
+        bound = min(bound, rest_bound(material, spacing) / float(np.sqrt(growth.max())))
+    return bound

@@ -1,0 +1,53 @@
+"""What the core sees before anybody asks for a simulation: the engine's name and what it can do.
+
+Nothing here imports the engine itself; `factory` names it, and the core imports it when a scene is opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gasp_core.engine.contract import (
+    Determinism,
+    EngineCapabilities,
+    EngineDescriptor,
+    Field,
+    Precision,
+    Quantity,
+)
+from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
+from gasp_core.engine.hookspecs import hookimpl
+from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+
+__all__ = ["CAPABILITIES", "gasp_point_engines"]
+
+CAPABILITIES = EngineCapabilities(
+    materials=frozenset({Elastic, NeoHookean, Sand, Fluid}),
+    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+    contact_conditions=frozenset(ContactCondition),
+    drives=frozenset({Pinned, Driven, Impulse}),
+    force_fields=frozenset({Wind}),
+    output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
+    conserved=frozenset({Quantity.MASS, Quantity.LINEAR_MOMENTUM, Quantity.ANGULAR_MOMENTUM}),
+    devices=("cpu",),
+    precisions=(Precision.FLOAT64,),
+    determinism=Determinism.BITWISE,
+    domain_policies=frozenset({DomainPolicy.EXPAND, DomainPolicy.STOP, DomainPolicy.CLAMP}),
+    temporal_order=2.0,
+    checkpoints=True,
+)
+
+
+@hookimpl
+def gasp_point_engines() -> Sequence[EngineDescriptor]:
+    """The engines of this distribution."""
+    return [
+        EngineDescriptor(
+            name="reference-mpm",
+            summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
+            contract_version=(1, 0),
+            capabilities=CAPABILITIES,
+            factory="gasp_reference_mpm.engine:ReferenceMpm",
+        )
+    ]

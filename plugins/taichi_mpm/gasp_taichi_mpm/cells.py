@@ -1,0 +1,132 @@
+"""Where the points are: cells, blocks of 4^3 cells, their order and the part of the grid they can reach.
+
+A point's home cell is the base of its B-spline stencil when the points were last sorted. Until the next sort it may
+drift by one cell along each axis, so a block of points writes at most 8 nodes along an axis, and blocks of the same
+colour (the same parity along the three axes) never touch a common node: each can be written without atomics, in any
+order, with the same result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BLOCK", "COLOURS", "CellTables", "GridTooLargeError", "arrange", "grid_box"]
+
+Array = NDArray[Any]
+
+BLOCK = 4
+"""Nodes along a side of a block."""
+COLOURS = 8
+
+
+class GridTooLargeError(Exception):
+    """The nodes needed exceed the limit; carries the number of them."""
+
+    def __init__(self, nodes: int) -> None:
+        super().__init__(f"{nodes} grid nodes needed")
+        self.nodes = nodes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellTables:
+    """The order of the points and the blocks of the grid they occupy.
+
+    Parameters
+    ----------
+    lower : (3,) int64
+        Absolute index of the grid's first node, multiples of 4.
+    shape : (3,) int64
+        Nodes along each axis, multiples of 4.
+    order : (N,) int32
+        Rows in their new order: by block, then by cell, then as they were.
+    tiles : (K, 2) int32
+        First row and end of every occupied block's points, by colour.
+    colour_offsets : (9,) int32
+        Where each colour begins in `tiles`, and the end.
+    active : (B,) int32
+        Blocks whose nodes a point can reach, row-major in the grid's blocks.
+    """
+
+    lower: Array
+    shape: Array
+    order: Array
+    tiles: Array
+    colour_offsets: Array
+    active: Array
+
+
+def grid_box(low: Array, high: Array, limit: int) -> tuple[Array, Array]:
+    """First node and shape of a grid for home cells low..high, both (3,) integers.
+
+    Raises
+    ------
+    GridTooLargeError
+        Where it would have more than `limit` nodes.
+    """
+    lower = (np.asarray(low, dtype=np.int64) - 1) // BLOCK * BLOCK
+    # A stencil spans 3 nodes and a point may have drifted by one cell either way: nodes low - 1 .. high + 3.
+    shape = ((np.asarray(high, dtype=np.int64) + 3 - lower) // BLOCK + 1) * BLOCK
+    nodes = int(shape[0]) * int(shape[1]) * int(shape[2])
+    if nodes > limit:
+        raise GridTooLargeError(nodes)
+    return lower, shape
+
+
+def _stable_order(keys: Array) -> Array:
+    """Stable argsort of non-negative int32 keys by two passes over 16 bits, for which NumPy has a radix sort."""
+    order = np.argsort((keys & 0xFFFF).astype(np.uint16), kind="stable")
+    if keys.size and int(keys.max()) > 0xFFFF:
+        order = order[np.argsort((keys >> 16).astype(np.uint16)[order], kind="stable")]
+    return order.astype(np.int32)
+
+
+def arrange(home: Array, limit: int) -> CellTables:
+    """Tables for points with home cells (N, 3) int32, on a grid that fits them.
+
+    Raises
+    ------
+    GridTooLargeError
+        Where the grid would have more than `limit` nodes.
+    """
+    lower, shape = grid_box(home.min(axis=0), home.max(axis=0), limit)
+    blocks = shape // BLOCK
+    x, y, z = (home[:, axis] - np.int32(lower[axis]) for axis in range(3))
+    block = ((x >> 2) * np.int32(blocks[1]) + (y >> 2)) * np.int32(blocks[2]) + (z >> 2)
+    keys = block * np.int32(64) + ((x & 3) * np.int32(16) + (y & 3) * np.int32(4) + (z & 3))
+    order = _stable_order(keys)
+    keys = keys[order]
+
+    first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+    cells = keys[first]
+    occupied = cells >> 6
+    head = np.concatenate([[True], occupied[1:] != occupied[:-1]])
+    begin = first[head]
+    end = np.concatenate([begin[1:], [len(keys)]])
+    corner = np.stack(np.unravel_index(occupied[head], blocks), axis=1)
+    # Colours by absolute position: the order of summation, hence every bit, does not depend on where the grid begins.
+    parity = (corner + lower // BLOCK) & 1
+    colour = parity[:, 0] * 4 + parity[:, 1] * 2 + parity[:, 2]
+    by_colour = np.argsort(colour, kind="stable")
+    tiles = np.stack([begin, end], axis=1)[by_colour].astype(np.int32)
+    offsets = np.searchsorted(colour[by_colour], np.arange(COLOURS + 1)).astype(np.int32)
+
+    node = np.stack(np.unravel_index(cells >> 6, blocks), axis=1) * BLOCK
+    node += np.stack([cells >> 4 & 3, cells >> 2 & 3, cells & 3], axis=1)
+    reached = np.zeros(int(np.prod(blocks)), dtype=np.bool_)
+    # The five nodes -1 .. 3 of an axis lie in at most two blocks: those of its two ends.
+    near, far = (node - 1) // BLOCK, (node + 3) // BLOCK
+    for corner_bits in range(8):
+        bx, by, bz = ((far if corner_bits >> axis & 1 else near)[:, axis] for axis in range(3))
+        reached[(bx * blocks[1] + by) * blocks[2] + bz] = True
+    return CellTables(
+        lower=lower,
+        shape=shape,
+        order=order,
+        tiles=tiles,
+        colour_offsets=offsets,
+        active=np.flatnonzero(reached).astype(np.int32),
+    )

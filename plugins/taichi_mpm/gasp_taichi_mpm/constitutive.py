@@ -1,0 +1,159 @@
+"""Materials: how F follows the velocity gradient, what plasticity takes away, and the stress that results.
+
+Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), see `scaling`. A new material is a branch here, a kind in
+`layout.KINDS`, a row in `scaling.material_table` and a type in the plugin's capabilities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gasp_taichi_mpm import layout as at
+from gasp_taichi_mpm.decompositions import cofactors, determinant_with, rotation_of, singular_columns
+from gasp_taichi_mpm.runtime import taichi as ti
+
+__all__ = ["make_response"]
+
+
+@ti.func
+def _lengths(B):
+    return ti.Vector(
+        [
+            ti.sqrt(B[0, 0] * B[0, 0] + B[1, 0] * B[1, 0] + B[2, 0] * B[2, 0]),
+            ti.sqrt(B[0, 1] * B[0, 1] + B[1, 1] * B[1, 1] + B[2, 1] * B[2, 1]),
+            ti.sqrt(B[0, 2] * B[0, 2] + B[1, 2] * B[1, 2] + B[2, 2] * B[2, 2]),
+        ]
+    )
+
+
+def make_response(real: Any, kinds: frozenset[str]) -> Callable[..., Any]:
+    """Taichi function (F, C, gain, dt, materials, row, advance) -> (F, gain, stress) for the kinds present.
+
+    `advance` 1 moves F by dt C and applies the material's floors and return mapping; 0 gives the stress as things are.
+    """
+    double = real == ti.f64
+    # Newton's iteration and Jacobi's: where half the square of a step, or a cosine, is below rounding.
+    polar_tolerance = 1e-15 if double else 1e-7
+    cosine = 1e-15 if double else 1e-7
+    several = len(kinds) > 1
+    code = {kind: at.KINDS[kind] for kind in at.KINDS}
+
+    @ti.func
+    def elastic(F, mu, lame):
+        """Fixed-corotated (Stomakhin et al. 2012): 2 mu (F - R) F^T + lambda J (J - 1) I."""
+        K = cofactors(F)
+        J = determinant_with(F, K)
+        R = rotation_of(F, K, J, real(polar_tolerance), real(cosine))
+        S = (2 * mu) * ((F - R) @ F.transpose())
+        pressure = lame * J * (J - 1)
+        for d in ti.static(range(3)):
+            S[d, d] += pressure
+        return S
+
+    @ti.func
+    def neo_hookean(F, mu, lame):
+        """Compressible neo-Hookean: mu (F F^T - I) + lambda ln(max(J, 0.05)) I."""
+        J = determinant_with(F, cofactors(F))
+        S = mu * (F @ F.transpose())
+        diagonal = lame * ti.log(ti.max(J, real(0.05))) - mu
+        for d in ti.static(range(3)):
+            S[d, d] += diagonal
+        return S
+
+    @ti.func
+    def sand(F, gain, mu, lame, cone, advance: ti.template()):
+        """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
+        B, V = singular_columns(F, real(cosine))
+        S = _lengths(B)
+        e = ti.log(ti.max(S, real(1e-4)))
+        G = F
+        new_gain = gain
+        if ti.static(advance == 1):
+            trace = e.sum() + gain
+            e += gain / 3
+            if trace >= 0:
+                e = e * 0
+                new_gain = trace
+            else:
+                new_gain = gain * 0
+                deviator = e - trace / 3
+                size = deviator.norm()
+                excess = size + (3 * lame + 2 * mu) / (2 * mu) * trace * cone
+                if excess > 0 and size > 0:
+                    e -= (excess / size) * deviator
+            stretch = ti.exp(e) / ti.max(S, real(1e-30))
+            D = B
+            for c in ti.static(range(3)):
+                for r in ti.static(range(3)):
+                    D[r, c] = B[r, c] * stretch[c]
+            G = D @ V.transpose()
+        U = B
+        for c in ti.static(range(3)):
+            for r in ti.static(range(3)):
+                U[r, c] = B[r, c] / ti.max(S[c], real(1e-30))
+        W = U
+        trace = e.sum()
+        for c in ti.static(range(3)):
+            for r in ti.static(range(3)):
+                W[r, c] = U[r, c] * (2 * mu * e[c] + lame * trace)
+        return G, new_gain, W @ U.transpose()
+
+    @ti.func
+    def fluid(C, s, dt, bulk, viscosity, advance: ti.template()):
+        """Cole's equation of state without tension, and Newton's viscosity; s = J - 1."""
+        spread = C.trace()
+        if ti.static(advance == 1):
+            s = s + dt * spread * (1 + s)
+            s = ti.min(ti.max(s, -real(0.9)), real(9.0))
+        J = 1 + s
+        J2 = J * J
+        J7 = J2 * J2 * J2 * J
+        # J^7 - 1 as a polynomial in s: the difference itself would have no digits left at the small s of a liquid.
+        rise = s * (7 + s * (21 + s * (35 + s * (35 + s * (21 + s * (7 + s))))))
+        pressure = ti.max(-rise / J7 * bulk / 7, bulk * 0)
+        S = (J * viscosity) * (C + C.transpose())
+        diagonal = -J * pressure - J * viscosity * (2 * spread / 3)
+        for d in ti.static(range(3)):
+            S[d, d] += diagonal
+        return s, S
+
+    @ti.func
+    def respond(F, C, gain, dt, materials: ti.template(), row, advance: ti.template()):
+        kind = ti.cast(materials[row + at.KIND], ti.i32)
+        mu = ti.cast(materials[row + at.SHEAR], real)
+        lame = ti.cast(materials[row + at.LAME], real)
+        G = F
+        if ti.static(advance == 1 and kinds != frozenset({"fluid"})):
+            G = F + dt * (C @ F)
+        stress = F * 0
+        new_gain = gain
+        if ti.static("elastic" in kinds):
+            if ti.static(not several):
+                stress = elastic(G, mu, lame)
+            elif kind == ti.static(code["elastic"]):
+                stress = elastic(G, mu, lame)
+        if ti.static("neo-hookean" in kinds):
+            if ti.static(not several):
+                stress = neo_hookean(G, mu, lame)
+            elif kind == ti.static(code["neo-hookean"]):
+                stress = neo_hookean(G, mu, lame)
+        if ti.static("sand" in kinds):
+            if ti.static(not several):
+                cone = ti.cast(materials[row + at.CONE], real)
+                G, new_gain, stress = sand(G, gain, mu, lame, cone, advance)
+            elif kind == ti.static(code["sand"]):
+                cone = ti.cast(materials[row + at.CONE], real)
+                G, new_gain, stress = sand(G, gain, mu, lame, cone, advance)
+        if ti.static("fluid" in kinds):
+            if ti.static(not several):
+                viscosity = ti.cast(materials[row + at.VISCOSITY], real)
+                G = F
+                new_gain, stress = fluid(C, gain, dt, lame, viscosity, advance)
+            elif kind == ti.static(code["fluid"]):
+                viscosity = ti.cast(materials[row + at.VISCOSITY], real)
+                G = F
+                new_gain, stress = fluid(C, gain, dt, lame, viscosity, advance)
+        return G, new_gain, stress
+
+    return respond

@@ -1,0 +1,423 @@
+"""The kernels of one MLS-MPM step, specialised by precision, by the kinds of material present and by threads.
+
+Everything is in the engine's own units (`scaling.Units`): cells, point masses, the stiffest material's stable step.
+With them the stress enters as C - dt tau' with tau' = 4 T^2 / (rho dx^2) tau: no volume is needed, and float32 neither
+overflows nor underflows whatever the scene's size. Moving least squares MPM after Hu et al. 2018
+(10.1145/3197517.3201293), quadratic B-splines.
+
+Positions are float64 in every precision: x += dt v in float32 loses half an ulp a step, always in the same direction.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import SimpleNamespace
+
+from gasp_taichi_mpm import layout as at
+from gasp_taichi_mpm.constitutive import make_response
+from gasp_taichi_mpm.contact import constrain
+from gasp_taichi_mpm.runtime import taichi as ti
+
+__all__ = ["make_kernels"]
+
+
+@ti.func
+def row3(table: ti.template(), start):
+    return ti.Vector([table[start], table[start + 1], table[start + 2]])
+
+
+@ti.func
+def row9(table: ti.template(), start):
+    return ti.Matrix(
+        [
+            [table[start], table[start + 1], table[start + 2]],
+            [table[start + 3], table[start + 4], table[start + 5]],
+            [table[start + 6], table[start + 7], table[start + 8]],
+        ]
+    )
+
+
+@lru_cache(maxsize=None)
+def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool) -> SimpleNamespace:
+    """Kernels for one precision and set of materials; compiled at first use.
+
+    Parameters
+    ----------
+    double
+        float64 instead of float32 for everything but positions.
+    kinds
+        Kinds of material present: what is absent costs neither compilation nor a branch.
+    threads
+        Loops run on this many; 1 runs them in the calling thread, without the hand-over to a pool.
+    on_gpu
+        Scatter with atomics, a point a thread.
+    """
+    real = ti.f64 if double else ti.f32
+    vec3 = ti.types.vector(3, real)
+    vec4 = ti.types.vector(4, real)
+    Positions = ti.types.ndarray(dtype=ti.types.vector(3, ti.f64), ndim=1)
+    Reals = ti.types.ndarray(dtype=real, ndim=1)
+    Grid = ti.types.ndarray(dtype=vec4, ndim=1)
+    Ints = ti.types.ndarray(dtype=ti.i32, ndim=1)
+    Doubles = ti.types.ndarray(dtype=ti.f64, ndim=1)
+    serial = threads == 1 and not on_gpu
+    pool = max(1, threads)
+    respond = make_response(real, kinds)
+    least_mass = 0.0 if double else at.LEAST_MASS
+
+    @ti.func
+    def stencil(x: ti.template(), control: ti.template(), p):
+        """Offset in the base cell, and the linear index of the stencil's first node."""
+        place = x[p]
+        base = ti.floor(place - 0.5)
+        offset = ti.cast(place - base, real)
+        cell = ti.cast(base, ti.i32)
+        sy = control[at.SHAPE + 2]
+        sx = control[at.SHAPE + 1] * sy
+        first = (
+            (cell[0] - control[at.LOWER]) * sx
+            + (cell[1] - control[at.LOWER + 1]) * sy
+            + (cell[2] - control[at.LOWER + 2])
+        )
+        return offset, first, sx, sy
+
+    @ti.func
+    def weights(offset):
+        """Rows: the three weights along each axis; column: the axis."""
+        a, b, c = 1.5 - offset, offset - 1.0, offset - 0.5
+        return ti.Matrix.rows([0.5 * a * a, 0.75 - b * b, 0.5 * c * c])
+
+    @ti.func
+    def scatter(x: ti.template(), points: ti.template(), grid: ti.template(), control: ti.template(), p):
+        offset, first, sx, sy = stencil(x, control, p)
+        w = weights(offset)
+        o = p * at.POINT_WIDTH
+        A = row9(points, o + at.FOLDED)
+        u = row3(points, o + at.VELOCITY) - A @ offset
+        m = points[o + at.MASS]
+        start = vec4(u[0], u[1], u[2], 1)
+        ax = vec4(A[0, 0], A[1, 0], A[2, 0], 0)
+        ay = vec4(A[0, 1], A[1, 1], A[2, 1], 0)
+        az = vec4(A[0, 2], A[1, 2], A[2, 2], 0)
+        for i in ti.static(range(3)):
+            wi = w[i, 0] * m
+            bi = wi * (start + i * ax)
+            yi = wi * ay
+            zi = wi * az
+            for j in ti.static(range(3)):
+                t = w[j, 1] * (bi + j * yi)
+                zij = w[j, 1] * zi
+                line = first + i * sx + j * sy
+                for k in ti.static(range(3)):
+                    if ti.static(on_gpu):
+                        grid[line + k] += w[k, 2] * (t + k * zij)
+                    else:
+                        grid[line + k] = grid[line + k] + w[k, 2] * (t + k * zij)
+
+    @ti.func
+    def scatter_tile(x, points, grid, tiles, control, q):
+        for p in range(tiles[2 * q], tiles[2 * q + 1]):
+            scatter(x, points, grid, control, p)
+
+    @ti.func
+    def gather(x, grid, control, p):
+        """Velocity and its affine part C at a point."""
+        offset, first, sx, sy = stencil(x, control, p)
+        w = weights(offset)
+        V, CX, CY, CZ = vec4(0), vec4(0), vec4(0), vec4(0)
+        for i in ti.static(range(3)):
+            si, siy, siz = vec4(0), vec4(0), vec4(0)
+            for j in ti.static(range(3)):
+                line = first + i * sx + j * sy
+                t1 = w[1, 2] * grid[line + 1]
+                t2 = w[2, 2] * grid[line + 2]
+                s0 = w[0, 2] * grid[line] + t1 + t2
+                si += w[j, 1] * s0
+                siz += w[j, 1] * (t1 + 2.0 * t2)
+                if ti.static(j > 0):
+                    siy += (j * w[j, 1]) * s0
+            V += w[i, 0] * si
+            CY += w[i, 0] * siy
+            CZ += w[i, 0] * siz
+            if ti.static(i > 0):
+                CX += (i * w[i, 0]) * si
+        CX = 4.0 * (CX - offset[0] * V)
+        CY = 4.0 * (CY - offset[1] * V)
+        CZ = 4.0 * (CZ - offset[2] * V)
+        C = ti.Matrix([[CX[0], CY[0], CZ[0]], [CX[1], CY[1], CZ[1]], [CX[2], CY[2], CZ[2]]])
+        return vec3(V[0], V[1], V[2]), C
+
+    @ti.func
+    def write9(table, start, M):
+        for r in ti.static(range(3)):
+            for c in ti.static(range(3)):
+                table[start + 3 * r + c] = M[r, c]
+
+    @ti.func
+    def move_point(x, points, labels, grid, materials, batch, control, report, p):
+        """Grid to point, then F, the return mapping, the stress, and the affine matrix the next scatter reads."""
+        v, C = gather(x, grid, control, p)
+        dt = ti.cast(batch[at.STEP], real)
+        o = p * at.POINT_WIDTH
+        F = row9(points, o + at.DEFORMATION)
+        row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+        F, gain, tau = respond(F, C, points[o + at.GAIN], dt, materials, row, 1)
+        write9(points, o + at.FOLDED, C - dt * tau)
+        write9(points, o + at.DEFORMATION, F)
+        write9(points, o + at.AFFINE, C)
+        points[o + at.GAIN] = gain
+        for d in ti.static(range(3)):
+            points[o + at.VELOCITY + d] = v[d]
+        place = x[p] + batch[at.STEP] * ti.cast(v, ti.f64)
+        if control[at.CLAMP] == 1:
+            held = 0
+            for d in ti.static(range(3)):
+                if place[d] < batch[at.WALL_LOW + d]:
+                    place[d] = batch[at.WALL_LOW + d]
+                    held = 1
+                elif place[d] > batch[at.WALL_HIGH + d]:
+                    place[d] = batch[at.WALL_HIGH + d]
+                    held = 1
+            if held == 1:
+                ti.atomic_add(report[at.CLAMPED], 1)
+        x[p] = place
+        # Written so that NaN fails it: a point that is nowhere must not be scattered either.
+        near = True
+        for d in ti.static(range(3)):
+            drift = place[d] - 0.5 - ti.cast(labels[p * at.LABEL_WIDTH + at.HOME + d], ti.f64)
+            near = near and drift >= -1.0 and drift < 2.0
+        if not near:
+            report[at.DRIFTED] = 1
+
+    @ti.func
+    def block_corner(control, block):
+        by = control[at.SHAPE + 1] // 4
+        bz = control[at.SHAPE + 2] // 4
+        return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
+
+    @ti.func
+    def clear_block(grid, active, control, q):
+        corner = block_corner(control, active[q])
+        for i in range(4):
+            for j in range(4):
+                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                for k in ti.static(range(4)):
+                    grid[line + k] = vec4(0)
+
+    @ti.func
+    def update_block(grid, active, batch, forcing, control, drive_set, q):
+        """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
+        corner = block_corner(control, active[q])
+        kick = ti.Vector([batch[at.GRAVITY], batch[at.GRAVITY + 1], batch[at.GRAVITY + 2]])
+        for i in range(4):
+            for j in range(4):
+                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                for k in range(4):
+                    g = grid[line + k]
+                    v = vec3(0)
+                    if g[3] > least_mass:
+                        v = vec3(g[0], g[1], g[2]) / g[3] + ti.cast(kick, real)
+                        node = ti.Vector([control[at.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
+                        v = constrain(v, ti.cast(node, ti.f64), batch, forcing, control, drive_set)
+                    grid[line + k] = vec4(v[0], v[1], v[2], 0)
+
+    def parallel() -> None:
+        """Loop settings of the loop that follows."""
+
+    @ti.kernel
+    def steps_in_thread(
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        grid: Grid,
+        tiles: Ints,
+        active: Ints,
+        materials: Doubles,
+        batch: Doubles,
+        forcing: Doubles,
+        control: Ints,
+        report: Ints,
+        first: ti.i32,
+        count: ti.i32,
+    ):
+        """Up to `count` steps in the calling thread; stops after one that leaves a point too far from home."""
+        ti.loop_config(serialize=True)
+        for step in range(count):
+            if report[at.DRIFTED] == 0:
+                for q in range(control[at.ACTIVE]):
+                    clear_block(grid, active, control, q)
+                for q in range(control[at.COLOURS_AT + 8]):
+                    scatter_tile(x, points, grid, tiles, control, q)
+                for q in range(control[at.ACTIVE]):
+                    update_block(grid, active, batch, forcing, control, first + step, q)
+                for p in range(control[at.POINTS]):
+                    move_point(x, points, labels, grid, materials, batch, control, report, p)
+                report[at.STEPS_DONE] += 1
+
+    @ti.kernel
+    def step_in_pool(
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        grid: Grid,
+        tiles: Ints,
+        active: Ints,
+        materials: Doubles,
+        batch: Doubles,
+        forcing: Doubles,
+        control: Ints,
+        report: Ints,
+        first: ti.i32,
+    ):
+        """One step, each loop shared out over the pool. Tiles of a colour write disjoint nodes, each tile in order."""
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            clear_block(grid, active, control, q)
+        if ti.static(on_gpu):
+            for p in range(control[at.POINTS]):
+                scatter(x, points, grid, control, p)
+        else:
+            for colour in ti.static(range(8)):
+                ti.loop_config(parallelize=pool)
+                for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
+                    scatter_tile(x, points, grid, tiles, control, q)
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            update_block(grid, active, batch, forcing, control, first, q)
+        ti.loop_config(parallelize=pool)
+        for p in range(control[at.POINTS]):
+            move_point(x, points, labels, grid, materials, batch, control, report, p)
+        report[at.STEPS_DONE] += 1
+
+    @ti.kernel
+    def fold(points: Reals, labels: Ints, materials: Doubles, batch: Doubles, control: Ints):
+        """Affine matrices for a step of a new size."""
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for p in range(control[at.POINTS]):
+            o = p * at.POINT_WIDTH
+            dt = ti.cast(batch[at.STEP], real)
+            C = row9(points, o + at.AFFINE)
+            F = row9(points, o + at.DEFORMATION)
+            row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+            F, gain, tau = respond(F, C, points[o + at.GAIN], dt, materials, row, 0)
+            write9(points, o + at.FOLDED, C - dt * tau)
+
+    @ti.kernel
+    def splash(
+        x: Positions, points: Reals, labels: Ints, grid: Grid, tiles: Ints, active: Ints, control: Ints, report: Ints
+    ):
+        """C of the velocity field as the grid carries it; nothing moves (`report` and `labels` are untouched)."""
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            clear_block(grid, active, control, q)
+        if ti.static(on_gpu):
+            for p in range(control[at.POINTS]):
+                scatter(x, points, grid, control, p)
+        else:
+            # Once or twice in a session: not worth eight more copies of the scatter to compile.
+            ti.loop_config(serialize=True)
+            for q in range(control[at.COLOURS_AT + 8]):
+                scatter_tile(x, points, grid, tiles, control, q)
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            corner = block_corner(control, active[q])
+            for i in range(4):
+                for j in range(4):
+                    line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2]
+                    for k in range(4):
+                        g = grid[line + corner[2] + k]
+                        v = vec3(0)
+                        if g[3] > least_mass:
+                            v = vec3(g[0], g[1], g[2]) / g[3]
+                        grid[line + corner[2] + k] = vec4(v[0], v[1], v[2], 0)
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for p in range(control[at.POINTS]):
+            v, C = gather(x, grid, control, p)
+            write9(points, p * at.POINT_WIDTH + at.AFFINE, C)
+            write9(points, p * at.POINT_WIDTH + at.FOLDED, C)
+
+    @ti.kernel
+    def settle(x: Positions, labels: Ints, control: Ints):
+        """Give every point the cell it is in as its home."""
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for p in range(control[at.POINTS]):
+            cell = ti.cast(ti.floor(x[p] - 0.5), ti.i32)
+            for d in ti.static(range(3)):
+                labels[p * at.LABEL_WIDTH + at.HOME + d] = cell[d]
+
+    @ti.kernel
+    def permute(
+        order: Ints,
+        control: Ints,
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        x_new: Positions,
+        points_new: Reals,
+        labels_new: Ints,
+    ):
+        """Rows in a new order."""
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for q in range(control[at.POINTS]):
+            p = order[q]
+            x_new[q] = x[p]
+            for c in range(at.POINT_WIDTH):
+                points_new[q * at.POINT_WIDTH + c] = points[p * at.POINT_WIDTH + c]
+            for c in ti.static(range(at.LABEL_WIDTH)):
+                labels_new[q * at.LABEL_WIDTH + c] = labels[p * at.LABEL_WIDTH + c]
+
+    @ti.kernel
+    def survey(x: Positions, points: Reals, labels: Ints, materials: Doubles, control: Ints, result: Doubles):
+        """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
+        ti.loop_config(serialize=serial, parallelize=pool)
+        for chunk in range((control[at.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
+            stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
+            bad, inverted = 0, 0
+            begin = chunk * at.SURVEY_CHUNK
+            low, high = x[begin], x[begin]
+            for p in range(begin, ti.min(begin + at.SURVEY_CHUNK, control[at.POINTS])):
+                o = p * at.POINT_WIDTH
+                v = ti.cast(row3(points, o + at.VELOCITY), ti.f64)
+                C = ti.cast(row9(points, o + at.AFFINE), ti.f64)
+                F = ti.cast(row9(points, o + at.DEFORMATION), ti.f64)
+                gain = ti.cast(points[o + at.GAIN], ti.f64)
+                place = x[p]
+                # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
+                residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (gain - gain) + (place - place).sum()
+                if not (residue == 0.0):
+                    bad += 1
+                else:
+                    row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+                    J = F.determinant()
+                    squared = ti.max(F.norm_sqr() - 2.0, J * J, ti.f64(1.0))
+                    factor = 2.0 * squared - ti.sqrt(squared)
+                    if ti.cast(materials[row + at.KIND], ti.i32) == ti.static(at.KINDS["fluid"]):
+                        J = 1.0 + gain
+                        squared = ti.max(3.0 * ti.pow(J * J, 1 / ti.f64(3.0)) - 2.0, J * J, ti.f64(1.0))
+                        factor = ti.max(2.0 * squared - ti.sqrt(squared), 1.0 / (J * J * J * J * J * J * J * J))
+                    stiffness = ti.max(stiffness, factor * materials[row + at.INVERSE_BOUND])
+                    speed = ti.max(speed, v.norm_sqr())
+                    gradient = ti.max(gradient, C.norm_sqr())
+                    if J <= 0:
+                        inverted += 1
+                    low = ti.min(low, place)
+                    high = ti.max(high, place)
+            o = chunk * at.SURVEY_WIDTH
+            result[o + at.SURVEY_STIFFNESS] = stiffness
+            result[o + at.SURVEY_SPEED] = speed
+            result[o + at.SURVEY_GRADIENT] = gradient
+            result[o + at.SURVEY_BAD] = bad
+            result[o + at.SURVEY_INVERTED] = inverted
+            for d in ti.static(range(3)):
+                result[o + at.SURVEY_LOW + d] = low[d]
+                result[o + at.SURVEY_HIGH + d] = high[d]
+
+    return SimpleNamespace(
+        steps_in_thread=steps_in_thread,
+        step_in_pool=step_in_pool,
+        fold=fold,
+        splash=splash,
+        settle=settle,
+        permute=permute,
+        survey=survey,
+    )

@@ -1,0 +1,96 @@
+"""Where things lie in the flat arrays that kernels share with the host.
+
+Few arrays rather than many: every argument of a kernel costs some ten microseconds a launch.
+"""
+
+from __future__ import annotations
+
+__all__: list[str] = []
+
+# One point's row of reals. Points to the grid reads the first half alone: 64 bytes, one cache line, in float32.
+VELOCITY = 0
+FOLDED = 3
+"""C - dt times the scaled Kirchhoff stress, (3, 3)."""
+MASS = 12
+GAIN = 13
+"""Sand: volume gained by the projection, logarithmic. Fluid: J - 1 (J - 1 keeps the digits that J loses in float32)."""
+DEFORMATION = 14
+AFFINE = 23
+"""C, (3, 3), valid at the end of a batch."""
+POINT_WIDTH = 32
+
+# One point's row of integers.
+MATERIAL = 0
+HOME = 1
+LABEL_WIDTH = 4
+
+# The control words.
+LOWER = 0
+SHAPE = 3
+POINTS = 6
+ACTIVE = 7
+COLLIDERS = 8
+WINDS = 9
+DRIVES = 10
+CLAMP = 11
+COLOURS_AT = 12
+"""Nine offsets into the list of tiles."""
+CONTROL_WIDTH = 24
+
+# What kernels report.
+DRIFTED = 0
+STEPS_DONE = 1
+CLAMPED = 2
+REPORT_WIDTH = 4
+
+# The batch's numbers, float64.
+STEP = 0
+GRAVITY = 1
+WALL_LOW = 4
+WALL_HIGH = 7
+BATCH_WIDTH = 10
+
+# One shape: kind, then two vectors.
+PLANE = 0
+BOX = 1
+SPHERE = 2
+EVERYWHERE = 3
+SHAPE_WIDTH = 8
+
+# A collider: shape, contact, friction, side.
+STICK = 0
+SLIP = 1
+SEPARATE = 2
+COLLIDER_WIDTH = 12
+# A wind: shape, velocity, drag times step.
+WIND_WIDTH = 12
+# A drive: shape, centre at the start, centre now, transposed rotation (9), velocity, angular velocity.
+DRIVE_WIDTH = 32
+
+# A material.
+KIND = 0
+SHEAR = 1
+LAME = 2
+VISCOSITY = 3
+CONE = 4
+INVERSE_BOUND = 5
+"""1 / (largest stable step)^2 at rest."""
+MATERIAL_WIDTH = 8
+
+KINDS = {"elastic": 0, "neo-hookean": 1, "sand": 2, "fluid": 3}
+
+# A row of the survey of a chunk of points.
+SURVEY_STIFFNESS = 0
+SURVEY_SPEED = 1
+SURVEY_GRADIENT = 2
+SURVEY_BAD = 3
+SURVEY_INVERTED = 4
+SURVEY_LOW = 5
+SURVEY_HIGH = 8
+SURVEY_WIDTH = 12
+SURVEY_CHUNK = 1024
+
+TOUCH = 1e-3
+"""Signed distance [cells] up to which a node counts as touched by a face it lies on."""
+LEAST_MASS = 1e-30
+"""Below this (in mean point masses) a node's velocity is the quotient of two denormals."""

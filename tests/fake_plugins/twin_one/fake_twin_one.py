@@ -1,0 +1,31 @@
+"""One of two engines of the same name"""
+
+from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
+from gasp_core.engine.hookspecs import hookimpl
+from gasp_core.engine.materials import Elastic
+
+CAPABILITIES = EngineCapabilities(
+    materials=frozenset({Elastic}),
+    collider_shapes=frozenset(),
+    contact_conditions=frozenset(),
+    drives=frozenset(),
+    force_fields=frozenset(),
+    output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES}),
+    conserved=frozenset(),
+    devices=("cpu",),
+    precisions=(Precision.FLOAT64,),
+    determinism=Determinism.BITWISE,
+)
+
+
+@hookimpl
+def gasp_point_engines():
+    return [
+        EngineDescriptor(
+            name="twin",
+            summary="One of two engines of the same name",
+            contract_version=(1, 0),
+            capabilities=CAPABILITIES,
+            factory="fake_twin_one:Nothing",
+        )
+    ]
