@@ -1,6 +1,6 @@
 """How well T^-1 gives back F Sigma F^T: the exact inverse and the paper's, 1,000 random affine motions.
 
-    python benchmarks/inverse_accuracy.py
+python benchmarks/inverse_accuracy.py
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Time of T^-1 with quaternions and scales for a million Gaussians, over that of copying what it reads and writes.
 
-    python benchmarks/inverse_speed.py
+python benchmarks/inverse_speed.py
 """
 
 import time

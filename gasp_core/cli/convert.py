@@ -26,9 +26,12 @@ def convert(source: Path, target: Path) -> None:
     An existing OUT is replaced, once the new one is whole. What a format cannot hold is said.
     """
     from gasp_core.io import read_splat, write_splat
+    from gasp_core.io.convert import losses
 
     if source.exists() and target.exists() and source.samefile(target):
         raise SplatFormatError(f"{target}: is the input itself: give the output another name")
     gaussians = read_splat(source)
     write_splat(target, gaussians)
     click.echo(f"{target}: {len(gaussians):,} Gaussians")
+    for loss in losses(gaussians, target.suffix.lower()):
+        click.echo(f"  {loss}")

@@ -64,6 +64,7 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
 
     from gasp_core import load_scene, simulate
     from gasp_core.cli.export import export_frames
+    from gasp_core.cli.run import interrupted, print_outcome, resumable
     from gasp_core.io import write_splat
     from gasp_core.io.atomic import replacing
     from gasp_core.toy import make_toy
@@ -75,10 +76,14 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
         stream.write(scene_text(name, setting).encode())
     click.echo(f"dropping it, with {name}: {scene}")
     run = folder / "toy.gasp"
-    recording = simulate(load_scene(scene), out=run, frames=frames)
+    with resumable(run, ["gasp", "run", str(scene), "--resume", "--out", str(run)]):
+        recording = simulate(load_scene(scene), out=run, frames=frames)
+        print_outcome(recording)
+        if interrupted(recording):
+            raise KeyboardInterrupt
     paths = export_frames(recording, range(recording.frame_count), folder / "frames", stem="toy", suffix=".ply")
     click.echo(
-        f"{len(paths)} frames, {recording.status}: {paths[0]} to {paths[-1].name}\n"
+        f"splat files: {paths[0]} to {paths[-1].name}\n"
         "\n"
         "What next:\n"
         f"  look:    drag {paths[len(paths) // 2]} into https://superspl.at/editor, or any viewer of splats\n"
@@ -126,7 +131,12 @@ up = "+z"               # the axis of the file that points up; 3DGS captures mos
 height = 0.3            # metres
 position = [0, 0, 0.2]  # where its lowest point starts
 rotation = [20, 10, 0]  # degrees about x, y, z: it lands on one foot
-material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}  # kg/m^3, Pa
+
+[object.material]
+model = "elastic"
+density = 200           # kg/m^3
+youngs_modulus = 3e4    # Pa: less is softer
+poissons_ratio = 0.3
 
 [[collider]]
 shape = "plane"

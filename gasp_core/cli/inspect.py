@@ -35,4 +35,4 @@ def inspect(file: Path, as_json: bool) -> None:
     if as_json:
         print_json(summary.to_json())
     else:
-        click.echo(str(summary))
+        click.echo(summary.to_text())

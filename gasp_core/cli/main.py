@@ -58,13 +58,14 @@ def _run(arguments: Sequence[str]) -> int:
     from gasp_core.cli.group import gasp
 
     try:
-        result: object = gasp.main(list(arguments) or ["--help"], prog_name="gasp", standalone_mode=False)
+        # Not click's own main: it ends the process on a broken pipe and forgets what an interrupt had to say.
+        with gasp.make_context("gasp", list(arguments) or ["--help"]) as context:
+            gasp.invoke(context)
     except click.exceptions.Exit as stop:
         return stop.exit_code
     except click.Abort:
         raise KeyboardInterrupt from None
-    # Commands return nothing but where their outcome is an exit status of its own.
-    return result if isinstance(result, int) else 0
+    return 0
 
 
 def _message(error: Exception) -> str:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +16,7 @@ from gasp_core.cli.printing import print_json
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
 
-__all__ = ["recording_json", "run"]
+__all__ = ["interrupted", "print_outcome", "resumable", "run"]
 
 
 @click.command(
@@ -26,15 +30,15 @@ A scene:
   splat = "plant.splat"               # beside the scene file
   height = 0.4                        # metres
   position = [0, 0, 0.3]              # its lowest point starts here; +z is up
-  material = { model = "elastic", density = 400, youngs_modulus = 5e4,
-               poissons_ratio = 0.3 }
+  [object.material]
+  model = "elastic"
+  density = 400                       # kg/m^3
+  youngs_modulus = 5e4                # Pa
+  poissons_ratio = 0.3
   [[collider]]
   shape = "plane"
   height = 0.0
   friction = 0.4
-
-\b
-(A TOML table in braces stands on one line; it is broken here to fit.)
 
 \b
 Examples:
@@ -53,31 +57,76 @@ Examples:
 )
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped, from its last checkpoint.")
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")
+@click.option("--overwrite", is_flag=True, help="Replace a run that is there already.")
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
-def run(scene: Path, engine: str | None, out: Path | None, resume: bool, frames: int | None, as_json: bool) -> None:
+def run(
+    scene: Path, engine: str | None, out: Path | None, resume: bool, frames: int | None, overwrite: bool, as_json: bool
+) -> None:
     """Simulate a scene and keep its frames.
 
     SCENE is a TOML file: which splats, what they are made of, what they meet. Every frame is safe on disk once it is
     written; Ctrl-C stops cleanly and says how to go on.
     """
+    if resume and overwrite:
+        raise click.UsageError("--resume goes on with a run, --overwrite throws it away: say one of them")
     from gasp_core import load_scene, simulate
 
     folder = out if out is not None else Path(scene.stem + ".gasp")
-    recording = simulate(
-        load_scene(scene), engine=engine, out=folder, resume=resume, frames=frames, progress=False if as_json else None
-    )
-    if as_json:
-        print_json(recording_json(recording, folder))
-    else:
-        click.echo(f"{folder}: {recording.frame_count} frames, {recording.status}")
-        click.echo(f"to get splat files: gasp export {folder} --all --format ply")
+    command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
+    with resumable(folder, [*command, *(["--out", str(folder)] if out is not None else [])]):
+        recording = simulate(
+            load_scene(scene),
+            engine=engine,
+            out=folder,
+            resume=resume,
+            frames=frames,
+            overwrite=overwrite,
+            progress=False if as_json else None,
+        )
+        if as_json:
+            print_json(_outcome(recording))
+        else:
+            print_outcome(recording)
+            click.echo(f"splat files of it: gasp export {shlex.quote(str(folder))} --all --format ply")
+        if interrupted(recording):
+            raise KeyboardInterrupt
 
 
-def recording_json(recording: Recording, folder: Path) -> dict[str, object]:
+def print_outcome(recording: Recording) -> None:
+    """Say in a few lines what a run came to."""
+    if not sys.stderr.isatty():
+        # On a terminal the run itself has said so, above its progress bar.
+        for note in recording.notes:
+            click.echo(note)
+    reason = f" ({recording.reason})" if recording.reason else ""
+    click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
+
+
+@contextmanager
+def resumable(folder: Path, command: Sequence[str]) -> Generator[None]:
+    """Make Ctrl-C say how to go on, where there is something to go on from."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if (folder / "zarr.json").exists():
+            raise KeyboardInterrupt(f"stopped; the frames so far are kept, to go on: {shlex.join(command)}") from None
+        raise
+
+
+def interrupted(recording: Recording) -> bool:
+    """Whether Ctrl-C ended the run; the driver stops cleanly then and returns what there is."""
+    return recording.status == "incomplete" and recording.reason.startswith("stopped by Ctrl-C")
+
+
+def _outcome(recording: Recording) -> dict[str, object]:
     """What programs want to know of a run."""
     return {
-        "recording": str(folder),
-        "status": str(recording.status),
+        "recording": str(recording.path),
+        "status": recording.status,
+        "reason": recording.reason,
+        "engine": recording.engine.name,
         "frame_count": recording.frame_count,
+        "frames_wanted": recording.frames_wanted,
         "times": [float(time) for time in recording.times],
+        "notes": list(recording.notes),
     }

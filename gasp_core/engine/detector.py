@@ -1,7 +1,7 @@
 """Watches every frame for a state that is no longer credible, whatever the engine thinks of it.
 
 There is no guarantee in advance that an explicit material point method stays stable (Bai and Schroeder 2022,
-10.1111/cgf.14620), and some engines reset or clamp in silence. Pure functions over arrays; `inspect` puts them together.
+10.1111/cgf.14620), and some engines reset or clamp in silence. Pure functions over arrays; `inspect` joins them.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def non_finite_rows(*arrays: Array | None) -> Array:
     given = [array for array in arrays if array is not None]
     finite: Array = np.ones(len(given[0]) if given else 0, dtype=np.bool_)
     for array in given:
-        finite &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     return np.flatnonzero(~finite)
 
 
@@ -217,9 +217,7 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
             stretched=None,
         )
     energy = None if now.velocities is None else kinetic_energy(watch.masses, now.velocities)
-    released = released_potential(
-        watch.masses, problem.gravity, now.positions - problem.points.reference_positions
-    )
+    released = released_potential(watch.masses, problem.gravity, now.positions - problem.points.reference_positions)
     inverted: int | None = None
     stretched: int | None = None
     status, reason = Status.OK, ""
@@ -231,13 +229,13 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
             low, high = _VOLUME_RATIOS
             status = Status.NOT_CONVERGED
             reason = f"{stretched} elastic points are at less than {low:g} or more than {high:g} times their volume"
-    jump = "" if now.velocities is None else _jump(watch, before, now)
-    if jump:
-        status, reason = Status.NOT_CONVERGED, jump
     bound = _energy_bound(watch, released)
     if energy is not None and now.time <= watch.work_start and not energy <= bound:
         status = Status.ENERGY_GREW
         reason = f"kinetic energy is {energy:.4g} J, where the start and gravity account for {bound:.4g} J"
+    jump = "" if now.velocities is None else _jump(watch, before, now)
+    if jump:
+        status, reason = Status.NOT_CONVERGED, jump
     return Verdict(
         status=status,
         reason=reason,

@@ -100,15 +100,22 @@ def _match_class(value: object, hint: type[Any]) -> tuple[bool, object]:
     if hint is int:
         return type(value) is int, value
     if hint is float:
-        return (True, float(value)) if isinstance(value, (int, float)) and type(value) is not bool else (False, None)
+        return _match_float(value)
     if issubclass(hint, Enum):
-        members: dict[object, Enum] = {member.value: member for member in hint}
-        if isinstance(value, hint):
-            return True, value
-        return isinstance(value, (str, int)) and value in members, members.get(value)
+        member = next((member for member in hint if value is member or value == member.value), None)
+        return member is not None, member
     if issubclass(hint, Path):
-        return isinstance(value, (str, Path)), Path(value) if isinstance(value, (str, Path)) else None
+        return (True, Path(value)) if isinstance(value, (str, Path)) else (False, None)
     return isinstance(value, hint), value
+
+
+def _match_float(value: object) -> tuple[bool, object]:
+    if type(value) is bool or not isinstance(value, (int, float)):
+        return False, None
+    try:
+        return True, float(value)
+    except OverflowError:
+        return False, None
 
 
 def _described(hint: Any) -> str:

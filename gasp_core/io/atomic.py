@@ -24,6 +24,8 @@ def replacing(path: Path) -> Generator[BinaryIO]:
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        if "\0" in str(path):
+            raise malformed(path, "a path cannot hold a null character", "check the path")
         if path.is_dir():
             raise malformed(path, "cannot be written, it is a folder", "name a file")
         # Not tempfile: its files are readable by their owner alone, and the finished file would stay so.

@@ -31,6 +31,8 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, s
     """
     if flat_axis not in (0, 1, 2):
         raise SplatFormatError(f"flat_axis is {flat_axis}; give 0, 1 or 2")
+    if "\0" in fspath(path):
+        raise malformed(path, "a path cannot hold a null character", "check the path")
     try:
         return _read(Path(fspath(path)), flat_axis)
     except OSError as error:
@@ -39,9 +41,6 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, s
         ) from error
     except MemoryError as error:
         raise malformed(path, "does not fit into memory", "give a smaller splat, or a machine with more") from error
-    # A path with a null byte, by every call that takes paths.
-    except ValueError as error:
-        raise malformed(path, f"cannot be read: {error}", "check the path") from error
 
 
 def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:

@@ -65,7 +65,7 @@ def read_inria(data: bytes, header: PlyHeader, path: Path, flat_axis: int = 2) -
     bases = _BASES[rest]
     harmonics = np.empty((len(table), bases, 3), np.float32)
     harmonics[:, 0] = arrays["harmonics"][:, :3]
-    harmonics[:, 1:] = arrays["harmonics"][:, 3:].reshape(-1, 3, bases - 1).transpose(0, 2, 1)
+    harmonics[:, 1:] = arrays["harmonics"][:, 3:].reshape(len(table), 3, bases - 1).transpose(0, 2, 1)
     scales = exponential(arrays["scales"])
     if len(present) == 2:
         by_name = {"scale_0": 0, "scale_1": 1}

@@ -201,12 +201,8 @@ def _oddities(gaussians: Gaussians, finite: Gaussians, means: Array, scales: Arr
     tell(scales[:, 1] == 0, "have two scales of zero, so no area at all")
     norms = np.linalg.norm(finite.quaternions.astype(np.float64), axis=1)
     tell(norms == 0, "have a quaternion of zero; it is taken as no rotation")
-    loose = np.abs(norms - 1) > 0.01
-    tell(
-        loose,
-        f"have quaternions that are not normalised (norms {norms.min():.2g} to {norms.max():.2g}); harmless",
-        0.01,
-    )
+    spread = f"norms {norms.min():.2g} to {norms.max():.2g}"
+    tell(np.abs(norms - 1) > 0.01, f"have quaternions that are not normalised ({spread}); harmless", 0.01)
     found += _about_opacity(finite.opacities)
     visible = finite.opacities > VISIBLE
     needle = visible & (scales[:, 1] < 0.1 * scales[:, 2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 __all__ = ["folder_in_the_making", "remove_leftovers", "replace_file", "sync_file", "sync_folder", "sync_tree"]
@@ -51,7 +51,7 @@ def _scratch_name(path: Path, process: int) -> Path:
 
 
 @contextlib.contextmanager
-def folder_in_the_making(path: Path) -> Iterator[Path]:
+def folder_in_the_making(path: Path) -> Generator[Path]:
     """A folder beside `path` that takes its place when the block ends well, and is gone when it does not.
 
     `path` itself must not exist, or be an empty folder.

@@ -5,7 +5,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | node | what |
 |---|---|
 | ``/`` | attributes: the `Header` |
-| ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest, in the world |
+| ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest |
 | ``reference/moving`` | (N,) bool, which Gaussians are simulated |
 | ``reference/points`` | (P, 3) float64, the engine's points at the start, edges magnified [m] |
 | ``bodies/<i>/magnification`` | (N_i, V_i - 1) factors of the edges |
@@ -133,7 +133,9 @@ class Header:
             Where they are not of a recording, or of a newer version.
         """
         if attributes.get("format") != FORMAT:
-            raise RecordingError(f"{path}: is no recording (no format mark {FORMAT}): name a folder that gasp run wrote")
+            raise RecordingError(
+                f"{path}: is no recording (lacks the mark {FORMAT}): name a folder that gasp run wrote"
+            )
         version = attributes.get("version")
         if not isinstance(version, int) or version > VERSION:
             raise RecordingError(

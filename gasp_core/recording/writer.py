@@ -47,7 +47,7 @@ class RecordingWriter:
         self._descriptor: int | None = descriptor
         self._bodies = [slice(body.first, body.last) for body in header.bodies]
         store: Any = zarr.open_group(str(path), mode="r+")
-        self._frames: dict[str, Any] = {name: array for name, array in store["frames"].arrays()}
+        self._frames: dict[str, Any] = dict(store["frames"].arrays())
         self._start: Array = np.asarray(store["reference/points"][...])
 
     @classmethod
@@ -83,11 +83,17 @@ class RecordingWriter:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
         return cls(path, header, _locked(path))
 
+    @property
+    def keeps_velocities(self) -> bool:
+        """Whether frames need velocities too."""
+        return "velocities" in self._frames
+
     @classmethod
     def resume(cls, path: Path, header: Header, frames_wanted: int) -> tuple[RecordingWriter, int, dict[str, Array]]:
-        """Go on with a recording: the writer, the frame to go on from, and the engine's state there.
+        """Go on with a recording: the writer, the last frame that is kept, and the engine's state there.
 
-        Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and the frame 0.
+        Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and frame 0 is
+        kept; -1 where there is not even that.
 
         Raises
         ------
@@ -100,15 +106,15 @@ class RecordingWriter:
         descriptor = _locked(path)
         try:
             writer = cls(path, found.header, descriptor)
-            count = found.frame_count
-            frame, state = writer._last_checkpoint(count)
+            for leftover in (path / "checkpoints").glob(".*.part"):
+                shutil.rmtree(leftover, ignore_errors=True)
+            frame, state = writer._last_checkpoint(found.frame_count)
+            writer._take_back(frame + 1)
             for name, array in writer._frames.items():
                 if array.shape[0] < frames_wanted:
                     array.resize((frames_wanted, *array.shape[1:]))
                     sync_file(path / "frames" / name / "zarr.json")
-            writer._write_status("running", "", max(frames_wanted, frame + 1))
-            if frame + 1 < max(count, 1) or count == 0:
-                writer._take_back(frame + 1 if state else 0)
+            writer._write_status("running", "", frames_wanted)
             return writer, frame, state
         except OSError as error:
             os.close(descriptor)
@@ -239,14 +245,14 @@ class RecordingWriter:
         return {int(entry.name): entry for entry in folder.iterdir() if entry.is_dir() and entry.name.isdigit()}
 
     def _last_checkpoint(self, count: int) -> tuple[int, dict[str, Array]]:
-        """The last checkpoint whose frame is finished and that can be read, or frame 0 and nothing."""
+        """The last checkpoint whose frame is finished and that can be read; else frame 0, or -1, and nothing."""
         checkpoints = self._checkpoints()
         for frame in sorted(checkpoints, reverse=True):
             if frame < count:
                 state = _read_checkpoint(checkpoints[frame])
                 if state:
                     return frame, state
-        return 0, {}
+        return min(count, 1) - 1, {}
 
     def _take_back(self, first: int) -> None:
         """Remove frames from `first` on: commits first, last to first, so that no half frame is ever seen."""
@@ -362,5 +368,3 @@ def _refuse_other(found: Header, wanted: Header, path: Path) -> None:
             f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
             f" ({found.gasp_version}): {advice}"
         )
-
-

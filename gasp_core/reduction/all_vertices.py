@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.gaussians import Gaussians
 from gasp_core.games import choose_vertices, magnify, to_simplices
+from gasp_core.gaussians import Gaussians
 
 __all__ = ["Block", "block_of", "cell_volumes", "magnification_of", "rigid_velocities"]
 

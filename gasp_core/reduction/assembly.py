@@ -98,9 +98,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
             materials.append(material)
         own = {
             "reference_positions": points,
-            "initial_velocities": rigid_velocities(
-                points, volumes, placed.item.velocity, placed.item.angular_velocity
-            ),
+            "initial_velocities": rigid_velocities(points, volumes, placed.item.velocity, placed.item.angular_velocity),
             "reference_volumes": volumes,
             "material_ids": np.full(len(points), materials.index(material)),
             "body_ids": np.full(len(points), body),

@@ -16,10 +16,12 @@ __all__ = ["component_sizes", "floating"]
 
 Array = NDArray[Any]
 
-_CELLS = (32, 64)
-"""Voxels along the longest side of the robust box. Two, because one alone splits what a seam happens to part."""
-_SHARE = 0.01
-"""A component is large from this share of the largest on; letters of a word and fruit in a bowl are well above."""
+_CELLS = (32, 16, 8)
+"""Voxels along the longest side of the robust box, finest first; a sparse cloud hangs together in coarse ones only."""
+_SHARE = 0.005
+"""A component is large from this share of all Gaussians on; letters of a word and fruit in a bowl are well above."""
+_TOGETHER = 0.9
+"""Share of the Gaussians that must be in large components, or the spacing is too fine to say anything."""
 _FARTHEST = 2**20
 """Voxels from the box at which positions are clipped, so that a key of three indices fits into 64 bits."""
 # Half of the 26 neighbours; the other half are their mirror images.
@@ -29,22 +31,21 @@ _NEIGHBOURS = [offset for offset in product((-1, 0, 1), repeat=3) if offset > (0
 def floating(means: Array) -> Array:
     """Mask (N,) of the Gaussians, given by their means (N, 3), that float.
 
-    A Gaussian floats if at every spacing its connected component of occupied voxels (26 neighbours) holds fewer than
-    a hundredth of the Gaussians of the largest one. Relative to the largest, so that a sparse cloud, where every
-    component is small, has no floaters.
+    Voxels that touch (26 neighbours) are connected. The spacing is the finest of a 32nd, 16th and 8th of the size at
+    which the large components hold nine tenths of the Gaussians; what is in none of them floats. Where there is no
+    such spacing, as in a cloud of single points, nothing floats.
     """
     means = np.asarray(means, dtype=np.float64)
     if len(means) == 0:
         return np.zeros(0, dtype=bool)
     lower, upper = robust_box(means)
     longest = float((upper - lower).max())
-    if not longest > 0:
-        return np.zeros(len(means), dtype=bool)
-    floats = np.ones(len(means), dtype=bool)
-    for cells in _CELLS:
-        sizes = component_sizes(means - lower, longest / cells)
-        floats &= sizes < _SHARE * sizes.max()
-    return floats
+    if longest > 0:
+        for cells in _CELLS:
+            small = component_sizes(means - lower, longest / cells) < _SHARE * len(means)
+            if small.sum() <= (1 - _TOGETHER) * len(means):
+                return small
+    return np.zeros(len(means), dtype=bool)
 
 
 def component_sizes(positions: Array, spacing: float) -> Array:

@@ -174,9 +174,7 @@ def _read_shape(table: Table, *also: str, plane_height: bool = False) -> AnyShap
     shape = table.choice("shape", {"plane": "plane", "box": "box", "sphere": "sphere"})
     if shape == "box":
         table.only("shape", "center", "half_extents", *also)
-        return table.make(
-            BoxShape, {"center": table.vector("center"), "half_extents": table.vector("half_extents")}
-        )
+        return table.make(BoxShape, {"center": table.vector("center"), "half_extents": table.vector("half_extents")})
     if shape == "sphere":
         table.only("shape", "center", "radius", *also)
         return table.make(SphereShape, {"center": table.vector("center"), "radius": table.number("radius")})

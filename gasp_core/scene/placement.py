@@ -14,7 +14,7 @@ from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternio
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.scene.model import SplatObject, UpAxis
 
-__all__ = ["Placement", "place", "placement_of", "robust_box", "upright"]
+__all__ = ["Placement", "place", "placement_of", "robust_box", "up_axis", "upright"]
 
 Array = NDArray[Any]
 
@@ -48,6 +48,11 @@ class Placement:
     translation: Array
 
 
+def up_axis(item: SplatObject) -> UpAxis:
+    """The splat's axis that becomes +z: as the object says, or "-y" for files and "+z" for Gaussians in memory."""
+    return item.up or ("+z" if isinstance(item.splat, Gaussians) else "-y")
+
+
 def upright(up: UpAxis) -> Array:
     """Rotation (3, 3) that takes the axis `up` to +z."""
     return np.array(_UPRIGHT[up], dtype=np.float64)
@@ -78,7 +83,7 @@ def placement_of(item: SplatObject, gaussians: Gaussians) -> Placement:
     SceneError
         Where a height is asked of a splat that has none.
     """
-    up: UpAxis = item.up or ("+z" if isinstance(item.splat, Gaussians) else "-y")
+    up = up_axis(item)
     rotation = upright(up)
     means = gaussians.means.astype(np.float64)
     scale = 1.0 if item.metres_per_unit is None else item.metres_per_unit
@@ -117,9 +122,7 @@ def place(gaussians: Gaussians, placement: Placement) -> Gaussians:
         means=means @ placement.rotation.T + placement.translation,
         scales=scales,
         quaternions=rotation_quaternions(turned),
-        harmonics=turn_coefficients(
-            gaussians.harmonics, np.broadcast_to(placement.rotation, (len(gaussians), 3, 3))
-        ),
+        harmonics=turn_coefficients(gaussians.harmonics, np.broadcast_to(placement.rotation, (len(gaussians), 3, 3))),
     )
 
 

@@ -157,13 +157,11 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
         outside_region=int(outside.sum()),
         first_non_finite=tuple(int(row) for row in np.flatnonzero(~finite)[:5]),
     )
-    return PlacedObject(
-        item=item, gaussians=placed, moving=moving, floating=floats, rows=rows, set_aside=set_aside
-    )
+    return PlacedObject(item=item, gaussians=placed, moving=moving, floating=floats, rows=rows, set_aside=set_aside)
 
 
 def _finite_rows(gaussians: Gaussians) -> Array:
     finite = np.isfinite(gaussians.opacities)
     for array in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.harmonics):
-        finite &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     return finite

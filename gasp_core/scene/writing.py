@@ -32,15 +32,15 @@ def gaussians_digest(gaussians: Gaussians) -> str:
     return digest.hexdigest()
 
 
-def scene_to_toml(scene: Scene) -> str:
-    """TOML text that `load_scene` reads back as an equal scene; splats that are files keep their absolute paths.
+def scene_to_toml(scene: Scene, *, absolute: bool = True) -> str:
+    """TOML text that `load_scene` reads back as an equal scene; paths of splats are made absolute unless told not to.
 
     Gaussians built in memory are written as ``memory:`` and a digest: they are in the recording, not in the text.
     """
     head = {"duration": scene.duration, "frame_rate": scene.frame_rate, "gravity": scene.gravity}
     lines = ["[scene]", *_entries(head)]
     for item in scene.objects:
-        lines += ["", "[[object]]", *_entries(_object(item))]
+        lines += ["", "[[object]]", *_entries(_object(item, absolute))]
     for collider in scene.colliders:
         lines += ["", "[[collider]]", *_entries(_collider(collider))]
     for drive in scene.drives:
@@ -54,11 +54,11 @@ def scene_to_toml(scene: Scene) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _object(item: SplatObject) -> dict[str, Any]:
+def _object(item: SplatObject, absolute: bool) -> dict[str, Any]:
     values = _fields(item)
     if isinstance(item.splat, Gaussians):
         values["splat"] = MEMORY + gaussians_digest(item.splat)
-    elif not str(item.splat).startswith(MEMORY):
+    elif absolute and not str(item.splat).startswith(MEMORY):
         values["splat"] = str(item.splat.absolute())
     if item.material is not None:
         values["material"] = {"model": item.material.kind, **_fields(item.material)}

@@ -24,6 +24,7 @@ from gasp_core.engine.forcing import (
     Side,
     Wind,
 )
+from gasp_core.engine.shapes import BoxShape, HalfSpace
 
 __all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "rotation"]
 
@@ -32,6 +33,8 @@ Array = NDArray[Any]
 TOUCH = 1e-3
 """In cells: a node this near to a surface counts as on it, so that one lying exactly on a plane does so whatever way
 its coordinates were rounded."""
+
+_OUTWARD = np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0], [0, 0, -1.0], [0, 0, 1.0]])
 
 
 def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time: float, step: float) -> Array:
@@ -78,13 +81,22 @@ def driven(velocities: Array, positions: Array, drives: Sequence[Drive], time: f
 
 def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:
     """Contact conditions at nodes on or behind the surface of each collider, in the order given."""
-    for collider in colliders:
+    for collider in [wall for collider in colliders for wall in _walls(collider)]:
         sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
         touching = sign * collider.shape.signed_distance(positions) <= TOUCH * spacing
         normal = sign * collider.shape.outward_normal(positions[touching])
         velocities = velocities.copy()
         velocities[touching] = _after_contact(velocities[touching], normal, collider)
     return velocities
+
+
+def _walls(collider: Collider) -> Sequence[Collider]:
+    """A box seen from inside is six walls: on its edges two of them hold, in its corners three."""
+    if not (isinstance(collider.shape, BoxShape) and collider.side is Side.INSIDE):
+        return [collider]
+    center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
+    faces = [HalfSpace(point=tuple(center + half * out), normal=tuple(-out)) for out in _OUTWARD]
+    return [Collider(shape=face, contact=collider.contact, friction=collider.friction) for face in faces]
 
 
 def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_core.errors import SceneError
-from gasp_reference_mpm.lattice import grid_origin
+from gasp_reference_mpm.lattice import grid_excess, grid_origin
 from gasp_reference_mpm.matter import Motion, matter_of
 from gasp_reference_mpm.session import ReferenceSession
 from gasp_reference_mpm.substep import seeded_velocity_gradients
@@ -42,10 +42,14 @@ class ReferenceMpm:
         Raises
         ------
         SceneError
-            Where a fixed substep is above the stable bound, or the checkpoint is of another problem.
+            Where a fixed substep is above the stable bound, the points are too far apart for one grid, or the
+            checkpoint is of another problem.
         """
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)
+        excess = grid_excess(problem.points.reference_positions, spacing)
+        if excess:
+            raise SceneError(excess)
         origin = grid_origin(problem, spacing)
         matter = matter_of(problem)
         time, motion = (0.0, None) if restart is None else _restored(restart, len(problem.points))

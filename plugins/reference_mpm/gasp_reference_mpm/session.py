@@ -21,6 +21,7 @@ from gasp_core.engine.contract import (
 )
 from gasp_core.engine.forcing import DomainPolicy, Impulse
 from gasp_core.engine.stability import MotionLimits, event_times, substep_size, substeps_to
+from gasp_reference_mpm.lattice import grid_excess, place_name
 from gasp_reference_mpm.matter import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
 
@@ -32,8 +33,6 @@ _CYCLE = 20
 """Substeps between two looks at how stiff and how fast the cloud has become."""
 _CYCLE_TRAVEL = 0.5
 """In cells: no point travels further within a cycle."""
-_NODE_CAP = 2**24
-"""Nodes in the box around the cloud: 2.5 GB of arrays, and hours a second."""
 
 
 class _Verdict(Exception):
@@ -238,18 +237,9 @@ class ReferenceSession:
                 raise _Verdict(
                     Status.OUT_OF_DOMAIN,
                     f"{int(outside.sum())} point(s) left the domain at {self._time:.6g} s, first point {first} at"
-                    f" {_place(places[first])}: enlarge the domain, or choose its policy expand or clamp",
+                    f" {place_name(places[first])}: enlarge the domain, or choose its policy expand or clamp",
                 )
-        nodes = np.prod(np.ptp(motion.positions, axis=0) / self._spacing + 4)
-        if nodes > _NODE_CAP:
-            far = int(np.abs(places - np.median(places, axis=0)).max(axis=1).argmax())
-            raise _Verdict(
-                Status.OUT_OF_DOMAIN,
-                f"the cloud spans {nodes:.3g} grid nodes at {self._time:.6g} s, more than {_NODE_CAP}; farthest is"
-                f" point {far} at {_place(places[far])}: coarsen the resolution, or set a domain with policy stop or clamp",
-            )
+        excess = grid_excess(places, self._spacing)
+        if excess:
+            raise _Verdict(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")
         return int((np.linalg.det(motion.deformations) <= 0).sum())
-
-
-def _place(position: Array) -> str:
-    return "(" + ", ".join(f"{coordinate:.4g}" for coordinate in position) + ") m"

@@ -4,8 +4,6 @@ Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), see `scaling`. A new ma
 `layout.KINDS`, a row in `scaling.material_table` and a type in the plugin's capabilities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -27,17 +25,19 @@ def _lengths(B):
     )
 
 
-def make_response(real: Any, kinds: frozenset[str]) -> Callable[..., Any]:
-    """Taichi function (F, C, gain, dt, materials, row, advance) -> (F, gain, stress) for the kinds present.
+def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callable[..., Any]:
+    """Taichi function (F, C, gain, dt, materials, row) -> (F, gain, stress) for the kinds present.
 
-    `advance` 1 moves F by dt C and applies the material's floors and return mapping; 0 gives the stress as things are.
+    With `advance` it moves F by dt C and applies the material's floors and return mapping; without, it gives the
+    stress as things are.
     """
     double = real == ti.f64
     # Newton's iteration and Jacobi's: where half the square of a step, or a cosine, is below rounding.
     polar_tolerance = 1e-15 if double else 1e-7
     cosine = 1e-15 if double else 1e-7
-    several = len(kinds) > 1
-    code = {kind: at.KINDS[kind] for kind in at.KINDS}
+    alone = len(kinds) == 1
+    has_elastic, has_neo_hookean, has_sand, has_fluid = (kind in kinds for kind in at.KINDS)
+    is_elastic, is_neo_hookean, is_sand, is_fluid = at.KINDS.values()
 
     @ti.func
     def elastic(F, mu, lame):
@@ -62,14 +62,14 @@ def make_response(real: Any, kinds: frozenset[str]) -> Callable[..., Any]:
         return S
 
     @ti.func
-    def sand(F, gain, mu, lame, cone, advance: ti.template()):
+    def sand(F, gain, mu, lame, cone):
         """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
         B, V = singular_columns(F, real(cosine))
         S = _lengths(B)
         e = ti.log(ti.max(S, real(1e-4)))
         G = F
         new_gain = gain
-        if ti.static(advance == 1):
+        if ti.static(advance):
             trace = e.sum() + gain
             e += gain / 3
             if trace >= 0:
@@ -100,10 +100,10 @@ def make_response(real: Any, kinds: frozenset[str]) -> Callable[..., Any]:
         return G, new_gain, W @ U.transpose()
 
     @ti.func
-    def fluid(C, s, dt, bulk, viscosity, advance: ti.template()):
+    def fluid(C, s, dt, bulk, viscosity):
         """Cole's equation of state without tension, and Newton's viscosity; s = J - 1."""
         spread = C.trace()
-        if ti.static(advance == 1):
+        if ti.static(advance):
             s = s + dt * spread * (1 + s)
             s = ti.min(ti.max(s, -real(0.9)), real(9.0))
         J = 1 + s
@@ -119,41 +119,28 @@ def make_response(real: Any, kinds: frozenset[str]) -> Callable[..., Any]:
         return s, S
 
     @ti.func
-    def respond(F, C, gain, dt, materials: ti.template(), row, advance: ti.template()):
+    def respond(F, C, gain, dt, materials: ti.template(), row):
         kind = ti.cast(materials[row + at.KIND], ti.i32)
         mu = ti.cast(materials[row + at.SHEAR], real)
         lame = ti.cast(materials[row + at.LAME], real)
         G = F
-        if ti.static(advance == 1 and kinds != frozenset({"fluid"})):
+        if ti.static(advance):
             G = F + dt * (C @ F)
         stress = F * 0
         new_gain = gain
-        if ti.static("elastic" in kinds):
-            if ti.static(not several):
+        if ti.static(has_elastic):
+            if ti.static(alone) or kind == is_elastic:
                 stress = elastic(G, mu, lame)
-            elif kind == ti.static(code["elastic"]):
-                stress = elastic(G, mu, lame)
-        if ti.static("neo-hookean" in kinds):
-            if ti.static(not several):
+        if ti.static(has_neo_hookean):
+            if ti.static(alone) or kind == is_neo_hookean:
                 stress = neo_hookean(G, mu, lame)
-            elif kind == ti.static(code["neo-hookean"]):
-                stress = neo_hookean(G, mu, lame)
-        if ti.static("sand" in kinds):
-            if ti.static(not several):
-                cone = ti.cast(materials[row + at.CONE], real)
-                G, new_gain, stress = sand(G, gain, mu, lame, cone, advance)
-            elif kind == ti.static(code["sand"]):
-                cone = ti.cast(materials[row + at.CONE], real)
-                G, new_gain, stress = sand(G, gain, mu, lame, cone, advance)
-        if ti.static("fluid" in kinds):
-            if ti.static(not several):
-                viscosity = ti.cast(materials[row + at.VISCOSITY], real)
+        if ti.static(has_sand):
+            if ti.static(alone) or kind == is_sand:
+                G, new_gain, stress = sand(G, gain, mu, lame, ti.cast(materials[row + at.CONE], real))
+        if ti.static(has_fluid):
+            if ti.static(alone) or kind == is_fluid:
                 G = F
-                new_gain, stress = fluid(C, gain, dt, lame, viscosity, advance)
-            elif kind == ti.static(code["fluid"]):
-                viscosity = ti.cast(materials[row + at.VISCOSITY], real)
-                G = F
-                new_gain, stress = fluid(C, gain, dt, lame, viscosity, advance)
+                new_gain, stress = fluid(C, gain, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
         return G, new_gain, stress
 
     return respond

@@ -1,10 +1,8 @@
 """What acts on a grid node besides stress and gravity: winds, drives, colliders, the domain's walls.
 
-Geometry is float64 in every precision (only active nodes are visited, and a node's distance from a face far from the
-origin needs the digits); velocities are in the engine's precision.
+All of it is float64 in every precision: only active nodes are visited, a node's distance from a face far from the
+origin needs the digits, and a velocity that gravity has changed is rounded once.
 """
-
-from __future__ import annotations
 
 from gasp_taichi_mpm import layout as at
 from gasp_taichi_mpm.runtime import taichi as ti
@@ -77,7 +75,7 @@ def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti
     Parameters
     ----------
     v
-        After gravity.
+        After gravity, float64.
     node
         Absolute position [cells], float64.
     drive_set
@@ -89,10 +87,10 @@ def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti
     winds_end = colliders_end + control[at.WINDS] * at.WIND_WIDTH
     row = colliders_end
     while row < winds_end:
-        if _distance(forcing, row, node) <= ti.f64(1e-3):
+        if _distance(forcing, row, node) <= 0.0:
             rate = forcing[row + 11]
             air = _triple(forcing, row + 8)
-            u = ti.cast((ti.cast(u, ti.f64) + rate * air) / (1.0 + rate), u.dtype)
+            u = (u + rate * air) / (1.0 + rate)
         row += at.WIND_WIDTH
     row = winds_end + drive_set * control[at.DRIVES] * at.DRIVE_WIDTH
     drives_end = row + control[at.DRIVES] * at.DRIVE_WIDTH
@@ -106,14 +104,14 @@ def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti
             ]
         )
         if _distance(forcing, row, back + _triple(forcing, row + 8)) <= ti.f64(1e-3):
-            u = ti.cast(_triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm), u.dtype)
+            u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
         row += at.DRIVE_WIDTH
     row = 0
     while row < colliders_end:
         side = forcing[row + 10]
         if side * _distance(forcing, row, node) <= ti.f64(1e-3):
             contact = ti.cast(forcing[row + 8], ti.i32)
-            n = ti.cast(side * _normal(forcing, row, node), u.dtype)
+            n = side * _normal(forcing, row, node)
             along = u.dot(n)
             if contact == at.STICK:
                 u = u * 0
@@ -121,7 +119,7 @@ def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti
                 u = u - along * n
             elif along < 0:
                 u = u - along * n
-                friction = ti.cast(forcing[row + 9], u.dtype)
+                friction = forcing[row + 9]
                 speed = u.norm()
                 if friction > 0 and speed > 0:
                     u = u * ti.max(0, 1 + friction * along / speed)

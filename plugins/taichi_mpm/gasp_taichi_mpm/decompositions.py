@@ -3,8 +3,6 @@
 Taichi's own `ti.svd` is compiled for a fixed number of sweeps and loses digits in float64; nothing here does.
 """
 
-from __future__ import annotations
-
 from gasp_taichi_mpm.runtime import taichi as ti
 
 __all__ = ["cofactors", "determinant_with", "proper_frames", "rotation_of", "singular_columns"]

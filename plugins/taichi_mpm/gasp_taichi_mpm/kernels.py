@@ -8,8 +8,6 @@ overflows nor underflows whatever the scene's size. Moving least squares MPM aft
 Positions are float64 in every precision: x += dt v in float32 loses half an ulp a step, always in the same direction.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -62,7 +60,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     Doubles = ti.types.ndarray(dtype=ti.f64, ndim=1)
     serial = threads == 1 and not on_gpu
     pool = max(1, threads)
-    respond = make_response(real, kinds)
+    advance = make_response(real, kinds, advance=True)
+    stress_of = make_response(real, kinds, advance=False)
     least_mass = 0.0 if double else at.LEAST_MASS
 
     @ti.func
@@ -115,12 +114,12 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                         grid[line + k] = grid[line + k] + w[k, 2] * (t + k * zij)
 
     @ti.func
-    def scatter_tile(x, points, grid, tiles, control, q):
+    def scatter_tile(x: ti.template(), points: ti.template(), grid: ti.template(), tiles: ti.template(), control: ti.template(), q):
         for p in range(tiles[2 * q], tiles[2 * q + 1]):
             scatter(x, points, grid, control, p)
 
     @ti.func
-    def gather(x, grid, control, p):
+    def gather(x: ti.template(), grid: ti.template(), control: ti.template(), p):
         """Velocity and its affine part C at a point."""
         offset, first, sx, sy = stencil(x, control, p)
         w = weights(offset)
@@ -148,20 +147,20 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         return vec3(V[0], V[1], V[2]), C
 
     @ti.func
-    def write9(table, start, M):
+    def write9(table: ti.template(), start, M):
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
                 table[start + 3 * r + c] = M[r, c]
 
     @ti.func
-    def move_point(x, points, labels, grid, materials, batch, control, report, p):
+    def move_point(x: ti.template(), points: ti.template(), labels: ti.template(), grid: ti.template(), materials: ti.template(), batch: ti.template(), control: ti.template(), report: ti.template(), p):
         """Grid to point, then F, the return mapping, the stress, and the affine matrix the next scatter reads."""
         v, C = gather(x, grid, control, p)
         dt = ti.cast(batch[at.STEP], real)
         o = p * at.POINT_WIDTH
         F = row9(points, o + at.DEFORMATION)
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-        F, gain, tau = respond(F, C, points[o + at.GAIN], dt, materials, row, 1)
+        F, gain, tau = advance(F, C, points[o + at.GAIN], dt, materials, row)
         write9(points, o + at.FOLDED, C - dt * tau)
         write9(points, o + at.DEFORMATION, F)
         write9(points, o + at.AFFINE, C)
@@ -190,13 +189,13 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             report[at.DRIFTED] = 1
 
     @ti.func
-    def block_corner(control, block):
+    def block_corner(control: ti.template(), block):
         by = control[at.SHAPE + 1] // 4
         bz = control[at.SHAPE + 2] // 4
         return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
 
     @ti.func
-    def clear_block(grid, active, control, q):
+    def clear_block(grid: ti.template(), active: ti.template(), control: ti.template(), q):
         corner = block_corner(control, active[q])
         for i in range(4):
             for j in range(4):
@@ -205,7 +204,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     grid[line + k] = vec4(0)
 
     @ti.func
-    def update_block(grid, active, batch, forcing, control, drive_set, q):
+    def update_block(grid: ti.template(), active: ti.template(), batch: ti.template(), forcing: ti.template(), control: ti.template(), drive_set, q):
         """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
         corner = block_corner(control, active[q])
         kick = ti.Vector([batch[at.GRAVITY], batch[at.GRAVITY + 1], batch[at.GRAVITY + 2]])
@@ -216,13 +215,11 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     g = grid[line + k]
                     v = vec3(0)
                     if g[3] > least_mass:
-                        v = vec3(g[0], g[1], g[2]) / g[3] + ti.cast(kick, real)
+                        momentum = ti.cast(vec3(g[0], g[1], g[2]), ti.f64)
+                        u = momentum / ti.cast(g[3], ti.f64) + kick
                         node = ti.Vector([control[at.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
-                        v = constrain(v, ti.cast(node, ti.f64), batch, forcing, control, drive_set)
+                        v = ti.cast(constrain(u, ti.cast(node, ti.f64), batch, forcing, control, drive_set), real)
                     grid[line + k] = vec4(v[0], v[1], v[2], 0)
-
-    def parallel() -> None:
-        """Loop settings of the loop that follows."""
 
     @ti.kernel
     def steps_in_thread(
@@ -299,14 +296,12 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             C = row9(points, o + at.AFFINE)
             F = row9(points, o + at.DEFORMATION)
             row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-            F, gain, tau = respond(F, C, points[o + at.GAIN], dt, materials, row, 0)
+            F, gain, tau = stress_of(F, C, points[o + at.GAIN], dt, materials, row)
             write9(points, o + at.FOLDED, C - dt * tau)
 
     @ti.kernel
-    def splash(
-        x: Positions, points: Reals, labels: Ints, grid: Grid, tiles: Ints, active: Ints, control: Ints, report: Ints
-    ):
-        """C of the velocity field as the grid carries it; nothing moves (`report` and `labels` are untouched)."""
+    def splash(x: Positions, points: Reals, grid: Grid, tiles: Ints, active: Ints, control: Ints):
+        """C of the velocity field as the grid carries it; nothing moves and nothing deforms."""
         ti.loop_config(serialize=serial, parallelize=pool)
         for q in range(control[at.ACTIVE]):
             clear_block(grid, active, control, q)

@@ -7,6 +7,8 @@ changes architecture only while no session is open.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import threading
 from typing import Any
@@ -53,9 +55,8 @@ def _initialise(device: str) -> None:
             'engine taichi-mpm: device "cuda" was asked for, but Taichi finds no CUDA GPU here: use device "cpu",'
             " or install a CUDA driver"
         )
-    before = os.environ.get(_BANNER)
-    os.environ[_BANNER] = "0"
-    try:
+    # Taichi prints where it starts; standard output belongs to whoever runs us.
+    with contextlib.redirect_stdout(io.StringIO()):
         # fast_math lets the compiler assume that NaN never occurs; the guards against it would be compiled away.
         taichi.init(
             arch=arch,
@@ -66,11 +67,6 @@ def _initialise(device: str) -> None:
             log_level=taichi.ERROR,
             cpu_max_num_threads=processors(),
         )
-    finally:
-        if before is None:
-            del os.environ[_BANNER]
-        else:
-            os.environ[_BANNER] = before
 
 
 def acquire(device: str) -> None:

@@ -1,0 +1,538 @@
+"""The one driver loop: a scene in, a recording out, whatever the engine."""
+
+from __future__ import annotations
+
+import atexit
+import dataclasses
+import hashlib
+import importlib.metadata
+import shutil
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.capabilities import check_supported
+from gasp_core.engine.contract import (
+    EngineAccuracy,
+    EngineDescriptor,
+    EngineSession,
+    Field,
+    PointEngine,
+    PointState,
+    Precision,
+    Status,
+    StepReport,
+)
+from gasp_core.engine.detector import Watch, inspect, watch_over
+from gasp_core.engine.options import build_options
+from gasp_core.engine.registry import discover
+from gasp_core.errors import EngineDivergedError, GaspError, SceneError
+from gasp_core.gaussians import Gaussians
+from gasp_core.io import read_splat
+from gasp_core.progress import Progress, progress_for
+from gasp_core.recording import Recording
+from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
+from gasp_core.recording.writer import RecordingWriter
+from gasp_core.reduction.assembly import Assembly, assemble, moved_gaussians
+from gasp_core.scene.model import MapChoice, RecordingChoice, Scene, SplatObject
+from gasp_core.scene.placement import up_axis
+from gasp_core.scene.selection import PlacedObject, place_object
+from gasp_core.scene.writing import gaussians_digest, scene_to_toml
+
+__all__ = ["Prepared", "prepare", "simulate"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Engine:
+    """The engine of a run and how it is set."""
+
+    descriptor: EngineDescriptor
+    engine: PointEngine | None
+    version: str
+
+    def opened(self) -> PointEngine:
+        """The engine itself; its own code is imported here and not before."""
+        return discover().load(self.descriptor.name) if self.engine is None else self.engine
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A scene whose splats are read and placed.
+
+    Parameters
+    ----------
+    objects
+        In the order of the scene.
+    digests
+        SHA-256 of each object's source.
+    assembly
+        What the engine is given.
+    """
+
+    objects: tuple[PlacedObject, ...]
+    digests: tuple[str, ...]
+    assembly: Assembly
+
+
+def prepare(scene: Scene) -> Prepared:
+    """Read, select and place the splats of a scene and make the engine's points of them.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where a splat cannot be read, or nothing of it is left.
+    """
+    objects: list[PlacedObject] = []
+    digests: list[str] = []
+    for item in scene.objects:
+        gaussians, digest = _source(item)
+        objects.append(place_object(item, gaussians))
+        digests.append(digest)
+    degrees = {placed.gaussians.sh_degree for placed in objects}
+    if len(degrees) > 1:
+        objects = [_raised(placed, max(degrees)) for placed in objects]
+    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects))
+
+
+def simulate(
+    scene: Scene,
+    engine: str | tuple[EngineDescriptor, PointEngine] | None = None,
+    out: str | Path | None = None,
+    *,
+    resume: bool = False,
+    frames: int | None = None,
+    overwrite: bool = False,
+    progress: bool | None = None,
+) -> Recording:
+    """Run a scene and record it.
+
+    Parameters
+    ----------
+    scene
+        What happens.
+    engine
+        Name of an engine instead of the scene's, or one that is not installed, with its descriptor.
+    out
+        Folder of the recording. None: a temporary one, gone when the process ends.
+    resume
+        Go on with the recording at `out` from its last checkpoint; begin where there is none. The result is that of
+        a run that never stopped, bit for bit with an engine that is deterministic. The scene may last longer than
+        before.
+    frames
+        Stop once there are so many frames, the one at time 0 included; `resume` goes on from there.
+    overwrite
+        Replace a recording that is at `out`.
+    progress
+        Show a progress bar and notes on stderr; None: where that is a terminal.
+
+    Returns
+    -------
+    Recording
+        "complete", or "incomplete" where Ctrl-C or `frames` stopped it.
+
+    Raises
+    ------
+    GaspError
+        Before anything is opened: SceneError, SplatFormatError, UnknownEngineError, UnsupportedSceneError,
+        RecordingError where something is at `out` already. While it runs: EngineDivergedError where the state is no
+        longer credible; the frames up to the last good one are kept.
+    """
+    if frames is not None and frames < 1:
+        raise SceneError(f"frames must be at least 1, found {frames!r}")
+    scene, chosen = _chosen(scene, engine)
+    options = build_options(chosen.descriptor, scene.engine.options)
+    prepared = prepare(scene)
+    wanted = scene.frame_count
+    names = [body.name for body in prepared.assembly.bodies]
+    check_supported(
+        prepared.assembly.problem,
+        chosen.descriptor,
+        device=scene.engine.device,
+        precision=scene.engine.precision,
+        fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
+        body_names=names,
+        others=discover().engines.values(),
+    )
+    header = _header(scene, prepared, chosen, options)
+    path = _temporary() if out is None else Path(out)
+    with progress_for(progress, wanted) as shown:
+        for note in header.notes:
+            shown.say(note)
+        if resume and (path / "zarr.json").exists():
+            writer, last, restart = RecordingWriter.resume(path, header, wanted)
+        else:
+            writer, last, restart = _created(path, scene, prepared, header, overwrite), -1, {}
+        try:
+            run = _Run(scene, prepared.assembly, chosen, options, writer, shown)
+            run.go(last, restart, wanted if frames is None else min(frames, wanted))
+        finally:
+            writer.close()
+    return Recording.open(path)
+
+
+class _Run:
+    """One run: the loop over frames, and all the ways in which it may end."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        assembly: Assembly,
+        chosen: _Engine,
+        options: Any,
+        writer: RecordingWriter,
+        shown: Progress,
+    ) -> None:
+        self._scene = scene
+        self._assembly = assembly
+        self._chosen = chosen
+        self._options = options
+        self._writer = writer
+        self._shown = shown
+        self._fields = frozenset(
+            {Field.POSITIONS}
+            | (chosen.descriptor.capabilities.output_fields & {Field.VELOCITIES, Field.DEFORMATION_GRADIENTS})
+        )
+        self._watch: Watch = watch_over(assembly.problem, 1 / scene.frame_rate)
+        self._last_valid = [np.zeros(len(body.rows), dtype=np.int64) for body in assembly.bodies]
+        self._checkpoint_time = time.monotonic()
+        self._checkpoint_frame = -1
+
+    def go(self, last: int, restart: dict[str, Array], end: int) -> None:
+        """Frames last + 1 .. end - 1; the ending is in the recording's status, or raised as well."""
+        try:
+            if last < 0:
+                self._write_start()
+                last = 0
+            else:
+                self._recall_valid(last)
+            self._checkpoint_frame = last if restart else -1
+            stopped = self._advance(last, restart, end) if last + 1 < end else ""
+        except EngineDivergedError as error:
+            self._end("incomplete", str(error))
+            raise
+        except GaspError as error:
+            self._end("incomplete", str(error))
+            raise
+        except BaseException as error:
+            reason = " ".join(str(error).split())
+            self._end("incomplete", f"stopped by {type(error).__name__}{': ' if reason else ''}{reason}")
+            raise
+        if stopped:
+            self._end("incomplete", stopped)
+            self._shown.say(stopped)
+        elif end < self._scene.frame_count:
+            self._end("incomplete", f"stopped after {end} of {self._scene.frame_count} frames, as asked")
+        else:
+            self._end("complete", "")
+
+    def _advance(self, last: int, restart: dict[str, Array], end: int) -> str:
+        """Run the engine; why it stopped early, or nothing."""
+        scene, problem = self._scene, self._assembly.problem
+        capabilities = self._chosen.descriptor.capabilities
+        accuracy: EngineAccuracy = dataclasses.replace(scene.accuracy, spacing=self._assembly.spacing)
+        precision: Precision = scene.engine.precision or capabilities.precisions[0]
+        session = self._chosen.opened().open(
+            problem,
+            device=scene.engine.device or capabilities.devices[0],
+            precision=precision,
+            seed=scene.engine.seed,
+            accuracy=accuracy,
+            options=self._options,
+            restart=restart or None,
+        )
+        with session, _interrupt() as interrupted:
+            before = session.read(self._fields)
+            for frame in range(last + 1, end):
+                report = session.advance_to(scene.time_of(frame))
+                before = self._record(frame, session, report, before)
+                self._shown.advance(frame, report.smallest_substep)
+                if interrupted.is_set() and frame + 1 < end:
+                    self._keep(frame, session, always=True)
+                    return (
+                        f"stopped by Ctrl-C after frame {frame} of {scene.frame_count - 1};"
+                        f" to go on: gasp run SCENE --resume --out {self._writer.path}"
+                    )
+                self._keep(frame, session, always=frame + 1 == end)
+        return ""
+
+    def _record(self, frame: int, session: EngineSession, report: StepReport, before: PointState) -> PointState:
+        """Judge and write the frame the session has come to."""
+        if report.status is not Status.OK:
+            raise self._diverged(frame, report, "; ".join(report.warnings) or "the engine gave no reason")
+        state = session.read(self._fields)
+        verdict = inspect(self._watch, before, state)
+        if verdict.status is not Status.OK:
+            raise self._diverged(frame, dataclasses.replace(report, status=verdict.status), verdict.reason)
+        means, relative = self._writer.split(state.positions)
+        degenerate, clipped = self._shapes(frame, relative)
+        self._writer.write_frame(
+            frame,
+            self._scene.time_of(frame),
+            relative=relative,
+            means=means,
+            velocities=state.velocities if self._writer.keeps_velocities else None,
+            degenerate=degenerate,
+            diagnostics={
+                "substeps": int(report.substep_count),
+                "smallest_substep": float(report.smallest_substep),
+                "largest_substep": float(report.largest_substep),
+                "kinetic_energy": verdict.kinetic_energy,
+                "potential_energy": None if verdict.released_potential is None else -verdict.released_potential,
+                "degenerate": sum(len(rows) for rows in degenerate),
+                "clipped": clipped,
+                "inverted": verdict.inverted,
+                "stretched": verdict.stretched,
+                "warnings": list(report.warnings),
+            },
+        )
+        for warning in report.warnings:
+            self._shown.warn(f"frame {frame}: {warning}")
+        return state
+
+    def _write_start(self) -> None:
+        """Frame 0: displacement zero, without asking the engine, so that it is the file's own."""
+        points = self._assembly.problem.points
+        relative = np.zeros((len(points), 3), dtype=np.float32)
+        degenerate, clipped = self._shapes(0, relative)
+        self._writer.write_frame(
+            0,
+            0.0,
+            relative=relative,
+            means=np.zeros((len(self._assembly.bodies), 3)),
+            velocities=points.initial_velocities if self._writer.keeps_velocities else None,
+            degenerate=degenerate,
+            diagnostics={
+                "substeps": 0,
+                "smallest_substep": 0.0,
+                "largest_substep": 0.0,
+                "kinetic_energy": self._watch.kinetic_energy,
+                "potential_energy": 0.0,
+                "degenerate": sum(len(rows) for rows in degenerate),
+                "clipped": clipped,
+                "inverted": 0,
+                "stretched": 0,
+                "warnings": [],
+            },
+        )
+
+    def _shapes(self, frame: int, relative: Array) -> tuple[list[Array], int]:
+        """For each body, simplices without a frame and the last in which they had one; the number of clipped ones."""
+        maps: MapChoice = self._scene.maps
+        degenerate: list[Array] = []
+        clipped = 0
+        for body, valid in zip(self._assembly.bodies, self._last_valid):
+            inverted, cut = moved_gaussians(body, relative[body.points], maps, colour=False)
+            lost = np.flatnonzero(inverted.degenerate)
+            valid[~inverted.degenerate] = frame
+            degenerate.append(np.stack([lost, valid[lost]], axis=1))
+            clipped += int(cut.sum())
+        return degenerate, clipped
+
+    def _recall_valid(self, frame: int) -> None:
+        """The memory of `_shapes` as it was after a frame."""
+        commit = Recording.open(self._writer.path).commit(frame)
+        for valid, rows in zip(self._last_valid, commit.degenerate):
+            valid[:] = frame
+            for row, last in rows:
+                valid[row] = last
+
+    def _keep(self, frame: int, session: EngineSession, *, always: bool) -> None:
+        """Write a checkpoint where one is due."""
+        if not self._chosen.descriptor.capabilities.checkpoints:
+            return
+        choice: RecordingChoice = self._scene.recording
+        due = time.monotonic() - self._checkpoint_time >= choice.checkpoint_seconds
+        if choice.checkpoint_frames is not None:
+            due |= frame - max(self._checkpoint_frame, 0) >= choice.checkpoint_frames
+        if due or always:
+            self._writer.write_checkpoint(frame, session.checkpoint())
+            self._checkpoint_time = time.monotonic()
+            self._checkpoint_frame = frame
+
+    def _diverged(self, frame: int, report: StepReport, reason: str) -> EngineDivergedError:
+        accuracy = self._scene.accuracy
+        if report.status is Status.SUBSTEP_LIMIT or report.status is Status.OUT_OF_DOMAIN:
+            advice = ""  # the engine's own reason says what to do
+        elif accuracy.substep is not None:
+            advice = f"; try substep = {accuracy.substep / 2:.3g} under [accuracy]"
+        else:
+            step = f" (a substep of {report.smallest_substep / 2:.3g} s)" if report.smallest_substep > 0 else ""
+            advice = f"; try substep_fraction = {accuracy.substep_fraction / 2:.3g} under [accuracy]{step}"
+        name = self._chosen.descriptor.name
+        return EngineDivergedError(
+            f"{name} stopped at frame {frame} ({report.status.value}): {reason}{advice};"
+            f" frames 0 to {frame - 1} are kept in {self._writer.path}",
+            report,
+            self._writer.path,
+        )
+
+    def _end(self, state: str, reason: str) -> None:
+        # The disk may be what failed: the first error is the one to tell.
+        try:
+            self._writer.finish(state, reason)
+        except OSError:
+            if state == "complete":
+                raise
+
+
+@contextmanager
+def _interrupt() -> Generator[threading.Event]:
+    """An event that Ctrl-C sets; a second Ctrl-C interrupts at once."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        event.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, stop)
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _chosen(scene: Scene, engine: str | tuple[EngineDescriptor, PointEngine] | None) -> tuple[Scene, _Engine]:
+    """The engine asked for, and the scene with its name in it; another engine's options are not this one's."""
+    if isinstance(engine, tuple):
+        descriptor, opened = engine
+        chosen = _Engine(descriptor=descriptor, engine=opened, version="")
+    else:
+        offer = discover().offer(engine or scene.engine.name)
+        chosen = _Engine(descriptor=offer.descriptor, engine=None, version=_version(offer.distribution))
+    name = chosen.descriptor.name
+    if name != scene.engine.name:
+        scene = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, name=name, options={}))
+    return scene, chosen
+
+
+def _version(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def _source(item: SplatObject) -> tuple[Gaussians, str]:
+    """The Gaussians of an object and the digest of where they come from."""
+    if isinstance(item.splat, Gaussians):
+        return item.splat, gaussians_digest(item.splat)
+    gaussians = read_splat(item.splat)
+    digest = hashlib.sha256()
+    files = sorted(item.splat.rglob("*")) if item.splat.is_dir() else [item.splat]
+    for file in files:
+        if file.is_file():
+            digest.update(file.name.encode())
+            with file.open("rb") as stream:
+                while block := stream.read(2**20):
+                    digest.update(block)
+    return gaussians, digest.hexdigest()
+
+
+def _raised(placed: PlacedObject, degree: int) -> PlacedObject:
+    """An object whose harmonics are filled up with zeros to a degree, so that all objects share one array."""
+    harmonics = placed.gaussians.harmonics
+    missing = (degree + 1) ** 2 - harmonics.shape[1]
+    zeros = np.zeros((len(harmonics), missing, 3), dtype=harmonics.dtype)
+    raised = placed.gaussians.with_(harmonics=np.concatenate([harmonics, zeros], axis=1))
+    return dataclasses.replace(placed, gaussians=raised)
+
+
+def _drawn(objects: Sequence[PlacedObject]) -> Gaussians:
+    parts = [placed.gaussians for placed in objects]
+    names = [field.name for field in dataclasses.fields(Gaussians)]
+    return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> Header:
+    assembly = prepared.assembly
+    ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
+    rows = {placed.item.name: index for index, placed in enumerate(prepared.objects)}
+    capabilities = chosen.descriptor.capabilities
+    notes: list[str] = []
+    for placed in prepared.objects:
+        notes += placed.set_aside.sentences(placed.item.name)
+    return Header(
+        gasp_version=_version("gasp-core"),
+        scene=scene_to_toml(scene),
+        scene_digest=_scene_digest(scene, prepared.digests),
+        points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
+        frame_rate=scene.frame_rate,
+        spacing=assembly.spacing,
+        objects=tuple(
+            ObjectEntry(
+                name=placed.item.name,
+                first=int(ends[index]),
+                last=int(ends[index + 1]),
+                splat_digest=digest,
+                set_aside=dataclasses.asdict(placed.set_aside),
+            )
+            for index, (placed, digest) in enumerate(zip(prepared.objects, prepared.digests))
+        ),
+        bodies=tuple(
+            BodyEntry(
+                item=rows[body.name], vertices=body.block.vertices, first=body.points.start, last=body.points.stop
+            )
+            for body in assembly.bodies
+        ),
+        notes=tuple(notes),
+        engine=EngineRecord(
+            name=chosen.descriptor.name,
+            version=chosen.version,
+            device=scene.engine.device or capabilities.devices[0],
+            precision=(scene.engine.precision or capabilities.precisions[0]).value,
+            seed=scene.engine.seed,
+            options=repr(options),
+            checkpoints=capabilities.checkpoints,
+        ),
+    )
+
+
+def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
+    """SHA-256 of what decides the frames of a scene: not how many there are, nor where its files lie."""
+    objects = tuple(
+        dataclasses.replace(item, splat=Path(digest), up=up_axis(item)) for item, digest in zip(scene.objects, digests)
+    )
+    deciding = dataclasses.replace(
+        scene,
+        duration=1 / scene.frame_rate,
+        objects=objects,
+        recording=RecordingChoice(),
+        accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
+    )
+    return hashlib.sha256(scene_to_toml(deciding, absolute=False).encode()).hexdigest()
+
+
+def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overwrite: bool) -> RecordingWriter:
+    return RecordingWriter.create(
+        path,
+        header,
+        reference=_drawn(prepared.objects),
+        moving=np.concatenate([placed.moving for placed in prepared.objects]),
+        points=prepared.assembly.problem.points.reference_positions,
+        factors=[body.factors for body in prepared.assembly.bodies],
+        frames_wanted=scene.frame_count,
+        velocities=scene.recording.velocities,
+        overwrite=overwrite,
+    )
+
+
+def _temporary() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="gasp-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder / "run.gasp"

@@ -1,0 +1,101 @@
+"""Colliders, winds and drives as rows of numbers, in the engine's units."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.forcing import Collider, ContactCondition, Drive, Driven, Impulse, Side, Wind
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_taichi_mpm import layout as at
+from gasp_taichi_mpm.scaling import Units
+
+__all__ = ["active_drives", "active_winds", "collider_rows", "drive_rows", "wind_rows"]
+
+Array = NDArray[Any]
+
+_CONTACT = {
+    ContactCondition.STICK: at.STICK,
+    ContactCondition.SLIP: at.SLIP,
+    ContactCondition.SEPARATE: at.SEPARATE,
+}
+
+
+def _fill_shape(row: Array, shape: HalfSpace | BoxShape | SphereShape | None, units: Units) -> None:
+    if shape is None:
+        row[0] = at.EVERYWHERE
+    elif isinstance(shape, HalfSpace):
+        row[0] = at.PLANE
+        row[1:4] = units.cells(shape.point)
+        row[4:7] = shape.normal
+    elif isinstance(shape, BoxShape):
+        row[0] = at.BOX
+        row[1:4] = units.cells(shape.center)
+        row[4:7] = np.asarray(shape.half_extents) / units.spacing
+    else:
+        row[0] = at.SPHERE
+        row[1:4] = units.cells(shape.center)
+        row[4] = shape.radius / units.spacing
+
+
+def collider_rows(colliders: tuple[Collider, ...], units: Units) -> Array:
+    """Rows (K, `layout.COLLIDER_WIDTH`)."""
+    rows = np.zeros((len(colliders), at.COLLIDER_WIDTH))
+    for row, collider in zip(rows, colliders):
+        _fill_shape(row, collider.shape, units)
+        row[8] = _CONTACT[collider.contact]
+        row[9] = collider.friction
+        row[10] = 1.0 if collider.side is Side.OUTSIDE else -1.0
+    return rows
+
+
+def active_winds(problem: PointProblem, time: float) -> list[Wind]:
+    """Winds that blow in a step that starts at `time` [s]."""
+    return [wind for wind in problem.force_fields if isinstance(wind, Wind) and wind.start <= time < wind.end]
+
+
+def active_drives(problem: PointProblem, time: float) -> list[Drive]:
+    """Drives other than impulses that act in a step that starts at `time` [s], in the given order."""
+    return [
+        drive for drive in problem.drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end
+    ]
+
+
+def wind_rows(winds: list[Wind], step: float, units: Units) -> Array:
+    """Rows (K, `layout.WIND_WIDTH`) for steps of `step` [s]."""
+    rows = np.zeros((len(winds), at.WIND_WIDTH))
+    for row, wind in zip(rows, winds):
+        _fill_shape(row, wind.region, units)
+        row[8:11] = np.asarray(wind.velocity) / units.speed
+        row[11] = wind.drag * step
+    return rows
+
+
+def _rotation(vector: Array) -> Array:
+    """Rotation matrix about `vector` by its length [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def drive_rows(drives: list[Drive], time: float, units: Units) -> Array:
+    """Rows (K, `layout.DRIVE_WIDTH`) of where the drives' regions are at `time` [s] and how they move."""
+    rows = np.zeros((len(drives), at.DRIVE_WIDTH))
+    for row, drive in zip(rows, drives):
+        _fill_shape(row, drive.region, units)
+        row[14:23] = np.eye(3).reshape(-1)
+        if isinstance(drive, Driven):
+            elapsed = time - drive.start
+            velocity, spin = np.asarray(drive.velocity), np.asarray(drive.angular_velocity)
+            row[8:11] = units.cells(drive.center)
+            row[11:14] = row[8:11] + velocity * elapsed / units.spacing
+            row[14:23] = _rotation(spin * elapsed).T.reshape(-1)
+            row[23:26] = velocity / units.speed
+            row[26:29] = spin * units.time
+    return rows

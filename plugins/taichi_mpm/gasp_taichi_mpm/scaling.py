@@ -1,0 +1,97 @@
+"""The engine's own units, so that neither the size of a scene nor its place decides about rounding.
+
+Length: the grid spacing. Origin: the anchor, a place in the world where a node lies. Time: the smallest stable step of
+any material used. Mass: the mean mass of a point. With tau' = 4 T^2 / (rho dx^2) tau the scaled stiffness of the
+stiffest material is about 4, whatever its Young's modulus.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.materials import Fluid, Sand
+from gasp_core.engine.shapes import HalfSpace
+from gasp_core.engine.stability import rest_bound
+from gasp_taichi_mpm import layout as at
+
+__all__ = ["Units", "material_table"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Units:
+    """Conversion between SI and the engine's units.
+
+    Parameters
+    ----------
+    spacing
+        Grid spacing [m].
+    time
+        Unit of time [s].
+    mass
+        Unit of mass [kg].
+    anchor : (3,) [m]
+        A node of the grid: on an axis with a plane collider across it, in that plane; else in the middle
+        of the cloud's bounding box, so that a turned or mirrored cloud sits in its cells as the original does.
+    """
+
+    spacing: float
+    time: float
+    mass: float
+    anchor: Array
+
+    @classmethod
+    def of(cls, problem: PointProblem, spacing: float) -> Self:
+        """Units for a problem on a grid of the given spacing [m]."""
+        used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
+        time = min(rest_bound(material, spacing) for material in used)
+        positions = problem.points.reference_positions
+        anchor = (positions.min(axis=0) + positions.max(axis=0)) / 2
+        for axis in range(3):
+            for collider in problem.colliders:
+                shape = collider.shape
+                if isinstance(shape, HalfSpace) and math.isclose(abs(shape.normal[axis]), 1.0, abs_tol=1e-12):
+                    anchor[axis] = shape.point[axis]
+                    break
+        return cls(spacing=spacing, time=time, mass=float(problem.masses.mean()), anchor=anchor)
+
+    @property
+    def speed(self) -> float:
+        """Unit of velocity [m/s]."""
+        return self.spacing / self.time
+
+    def cells(self, positions: Any) -> Array:
+        """World positions (..., 3) [m] in cells from the anchor, float64."""
+        return (np.asarray(positions, dtype=np.float64) - self.anchor) / self.spacing
+
+    def world(self, cells: Array) -> Array:
+        """Positions (..., 3) [m] of cells."""
+        return cells * self.spacing + self.anchor
+
+
+def material_table(problem: PointProblem, units: Units) -> Array:
+    """Scaled parameters of every material, flat float64 rows of `layout.MATERIAL_WIDTH`."""
+    table = np.zeros((len(problem.materials), at.MATERIAL_WIDTH))
+    for row, material in zip(table, problem.materials):
+        if material.kind not in at.KINDS:
+            continue  # an unused row: what is used has been checked against the capabilities
+        scale = 4 * units.time**2 / (material.density * units.spacing**2)
+        row[at.KIND] = at.KINDS[material.kind]
+        row[at.INVERSE_BOUND] = rest_bound(material, units.spacing) ** -2
+        if isinstance(material, Fluid):
+            row[at.LAME] = scale * material.bulk_modulus
+            row[at.VISCOSITY] = scale * material.viscosity / units.time
+            continue
+        row[at.SHEAR] = scale * getattr(material, "shear_modulus")  # noqa: B009
+        row[at.LAME] = scale * getattr(material, "lame_lambda")  # noqa: B009
+        if isinstance(material, Sand):
+            sine = math.sin(math.radians(material.friction_angle))
+            row[at.CONE] = math.sqrt(2 / 3) * 2 * sine / (3 - sine)
+    return table.reshape(-1)

@@ -1,0 +1,148 @@
+"""Runs through the command line: frames, resuming, interrupting, exporting."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gasp_core import Recording, read_splat
+
+FAKES = Path(__file__).parents[1] / "fake_plugins"
+
+
+def test_run_tells_what_it_made_and_what_to_do_next(gasp, workplace):
+    outcome = gasp("run", "scene.toml")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert "scene.gasp: 3 frames, complete" in outcome.out
+    assert "gasp export scene.gasp --all" in outcome.out
+    assert Recording.open(workplace / "scene.gasp").status == "complete"
+
+
+def test_json_of_a_run(gasp, workplace):
+    outcome = gasp("run", "scene.toml", "--json", "--frames", 2, "--out", "short.gasp")
+    assert (outcome.status, outcome.err) == (0, "")
+    told = json.loads(outcome.out)
+    assert told["recording"] == "short.gasp"
+    assert (told["status"], told["engine"]) == ("incomplete", "ballistic")
+    assert (told["frame_count"], told["frames_wanted"]) == (2, 3)
+    assert told["times"] == [0.0, 0.04]
+
+
+def test_resume_goes_on_to_the_same_end(gasp, workplace):
+    assert gasp("run", "scene.toml", "--out", "whole.gasp").status == 0
+    assert gasp("run", "scene.toml", "--out", "parts.gasp", "--frames", 2).status == 0
+    assert gasp("run", "scene.toml", "--out", "parts.gasp", "--resume").status == 0
+    whole, parts = Recording.open("whole.gasp"), Recording.open("parts.gasp")
+    assert parts.status == "complete"
+    for frame in range(3):
+        np.testing.assert_array_equal(parts.points(frame), whole.points(frame))
+
+
+def test_engine_named_on_the_command_line_wins(gasp, workplace):
+    scene = workplace / "scene.toml"
+    scene.write_text(scene.read_text().replace("ballistic", "nothing"))
+    assert gasp("run", scene, "--engine", "ballistic").status == 0
+
+
+@pytest.fixture
+def run(gasp, workplace):
+    assert gasp("run", "scene.toml").status == 0
+    return Recording.open(workplace / "scene.gasp")
+
+
+@pytest.mark.parametrize("kind", ["ply", "splat", "spz"])
+def test_export_of_all_frames(gasp, run, workplace, kind):
+    outcome = gasp("export", "scene.gasp", "--all", "--format", kind)
+    assert (outcome.status, outcome.err) == (0, "")
+    paths = sorted((workplace / "scene_frames").iterdir())
+    assert [path.name for path in paths] == [f"scene_{frame:04d}.{kind}" for frame in range(3)]
+    # .spz keeps 24 bits of position with at least 12 of them after the point, .splat and .ply float32.
+    bound = 2.0**-13 if kind == "spz" else 1e-6
+    for frame, path in enumerate(paths):
+        np.testing.assert_allclose(read_splat(path).means, run.gaussians(frame).means, rtol=0, atol=bound)
+
+
+def test_export_of_one_frame(gasp, run, workplace):
+    assert gasp("export", "scene.gasp", "--frame", 2).out == "scene_0002.ply\n"
+    assert gasp("export", "scene.gasp", "--frame", 2, "--out", "still.ply").status == 0
+    assert (workplace / "still.ply").read_bytes() == (workplace / "scene_0002.ply").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--frame", "3"], ["scene.gasp", "frames 0 to 2"]),
+        (["--frame", "0", "--out", "still.spz"], ["still.spz", ".ply", "--format"]),
+        (["--all", "--out", "toy.ply"], ["toy.ply", "choose another --out"]),
+        (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another --out"]),
+    ],
+)
+def test_export_that_cannot_be(refused, run, arguments, says):
+    refused("export", "scene.gasp", *arguments, says=says)
+
+
+def test_export_that_fails_half_way_takes_its_files_away(refused, run, workplace):
+    chunk = max((workplace / "scene.gasp" / "frames").rglob("c/2*"), key=lambda path: path.is_file())
+    for path in [chunk] if chunk.is_file() else [path for path in chunk.rglob("*") if path.is_file()]:
+        path.write_bytes(b"")
+    refused("export", "scene.gasp", "--all", says=["scene.gasp", "damaged"])
+
+
+def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(workplace):
+    scene = workplace / "scene.toml"
+    scene.write_text(scene.read_text().replace("duration = 0.08", "duration = 4000"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gasp_core.cli.main", "run", "scene.toml"],
+        cwd=workplace,
+        env=os.environ | {"PYTHONPATH": str(FAKES / "ballistic")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    folder = workplace / "scene.gasp"
+    try:
+        wait_until(lambda: (folder / "zarr.json").exists() and Recording.open(folder).frame_count >= 3)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=120)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert err.startswith("gasp: stopped")
+    assert err.endswith("to go on: gasp run scene.toml --resume\n")
+    assert err.count("\n") == 1
+    recording = Recording.open(folder)
+    assert recording.status == "incomplete"
+    assert f"{recording.frame_count} frames, incomplete" in out
+
+
+def wait_until(condition):
+    """Poll; the limit only keeps a broken program from hanging the tests."""
+    deadline = time.monotonic() + 120
+    while not condition():
+        assert time.monotonic() < deadline, "the run never wrote its first frames"
+        time.sleep(0.02)
+
+
+def test_demo_makes_a_scene_one_can_go_on_with(gasp, workplace):
+    outcome = gasp("demo", "--engine", "reference-mpm", "--frames", 2)
+    assert (outcome.status, outcome.err) == (0, "")
+    folder = workplace / "gasp-demo"
+    assert sorted(path.name for path in (folder / "frames").iterdir()) == ["toy_0000.ply", "toy_0001.ply"]
+    first, second = (read_splat(path) for path in sorted((folder / "frames").iterdir()))
+    # Free fall from rest for 1/25 s, all points alike until they touch: g t^2 / 2, and n steps of first order in time
+    # miss at most the n-th part of it; float32 files of lengths of 0.5 leave 1e-5 of 8 mm.
+    fallen = (first.means - second.means)[:, 2].mean()
+    substeps = Recording.open(folder / "toy.gasp").diagnostics(1)["substeps"]
+    assert fallen == pytest.approx(9.81 * 0.04**2 / 2, rel=1 / substeps + 1e-4)
+    for hint in (f"gasp run {folder.name}/scene.toml", f"gasp export {folder.name}/toy.gasp", "superspl.at"):
+        assert hint in outcome.out
+    again = gasp("run", folder / "scene.toml", "--out", "mine.gasp", "--frames", 1)
+    assert (again.status, again.err) == (0, "")
+    assert gasp("demo", "--engine", "reference-mpm", "--frames", 1).status == 0
+    assert (workplace / "gasp-demo-2" / "toy.ply").exists()

@@ -1,0 +1,225 @@
+"""The stable step, against the spectral radius of the step itself and against energies that must not grow."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem
+from gasp_core.engine.forcing import Driven, Impulse, Wind
+from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Rigid, Sand
+from gasp_core.engine.shapes import SphereShape
+from gasp_core.engine.stability import (
+    MotionLimits,
+    event_times,
+    refuse_unstable_substep,
+    rest_bound,
+    stiffening,
+    substep_size,
+    substeps_to,
+)
+from gasp_core.errors import SceneError
+
+Array = NDArray[Any]
+
+EVERYWHERE = SphereShape(center=(0.0, 0.0, 0.0), radius=1.0)
+moduli = st.floats(1e2, 1e9)
+ratios = st.floats(0.0, 0.499)
+densities = st.floats(1.0, 2e4)
+spacings = st.floats(1e-3, 1e2)
+
+
+def linear_step(cell: Array, mu: float, lame: float, viscosity: float, density: float, spacing: float, dt: float):
+    """One MLS-MPM step of a lone point at `cell` (in cells) as a matrix on (C, strain), both (3, 3).
+
+    Scatter and gather are written out node by node: nothing here knows that sum w r r^T is D I.
+    """
+    base = np.floor(cell - 0.5)
+    fraction = cell - base
+    weights = np.stack([0.5 * (1.5 - fraction) ** 2, 0.75 - (fraction - 1) ** 2, 0.5 * (fraction - 0.5) ** 2])
+    volume = 1.0
+    columns = []
+    for unit in np.eye(18):
+        c, strain = unit[:9].reshape(3, 3), unit[9:].reshape(3, 3)
+        rate = c + c.T - 2 / 3 * np.trace(c) * np.eye(3)
+        stress = mu * (strain + strain.T) + lame * np.trace(strain) * np.eye(3) + viscosity * rate
+        affine = density * volume * c - dt * volume * 4 / spacing**2 * stress
+        new = np.zeros((3, 3))
+        for node in itertools.product(range(3), repeat=3):
+            weight = math.prod(weights[node[axis], axis] for axis in range(3))
+            arm = (np.array(node) - fraction) * spacing
+            velocity = affine @ arm / (density * volume)
+            new += 4 / spacing**2 * weight * np.outer(velocity, arm)
+        columns.append(np.concatenate([new.ravel(), (strain + dt * new).ravel()]))
+    return np.array(columns).T
+
+
+def growth(material: Material, spacing: float, dt: float, cell: Array) -> float:
+    mu = getattr(material, "shear_modulus", 0.0)
+    lame = material.bulk_modulus if isinstance(material, Fluid) else getattr(material, "lame_lambda", 0.0)
+    viscosity = getattr(material, "viscosity", 0.0)
+    step = linear_step(cell, mu, lame, viscosity, material.density, spacing, dt)
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+@given(modulus=moduli, ratio=ratios, density=densities, spacing=spacings, cell=st.tuples(*[st.floats(0, 1)] * 3))
+def test_a_lone_point_is_stable_up_to_the_bound_and_not_beyond(
+    modulus: float, ratio: float, density: float, spacing: float, cell: tuple[float, float, float]
+) -> None:
+    material = Elastic(density=density, youngs_modulus=modulus, poissons_ratio=ratio)
+    bound = rest_bound(material, spacing)
+    # At rest the radius is one twice over (a rotation is neither stressed nor damped), so rounding shows as its root.
+    assert growth(material, spacing, 0.99 * bound, np.array(cell)) <= 1 + 1e-6
+    # 1 % beyond the bound the stiffest mode grows by 1 + 2 sqrt(0.02) a step.
+    assert growth(material, spacing, 1.01 * bound, np.array(cell)) > 1.2
+
+
+@given(ratio=ratios, modulus=moduli, density=densities, spacing=spacings)
+def test_the_bound_of_a_solid_is_the_closed_form(ratio: float, modulus: float, density: float, spacing: float) -> None:
+    closed = spacing * math.sqrt(density * (1 - 2 * ratio) / modulus)
+    for kind in (Elastic, NeoHookean, Sand):
+        material = kind(density=density, youngs_modulus=modulus, poissons_ratio=ratio)
+        # 1 - 2 nu cancels near 1/2: eps / (1 - 0.998) and the roundings of both forms.
+        assert rest_bound(material, spacing) == pytest.approx(closed, rel=1e-12)
+
+
+@given(ratio=st.floats(-0.95, -0.01))
+def test_an_auxetic_solid_is_bound_by_its_shear(ratio: float) -> None:
+    material = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=ratio)
+    bound = rest_bound(material, 0.1)
+    cell = np.array([0.3, 0.8, 0.1])
+    assert growth(material, 0.1, 0.99 * bound, cell) <= 1 + 1e-6
+    assert growth(material, 0.1, 1.01 * bound, cell) > 1.2
+
+
+@given(bulk=moduli, viscosity=st.floats(0, 1e4), density=densities, spacing=spacings)
+def test_a_lone_drop_is_stable_at_the_bound(bulk: float, viscosity: float, density: float, spacing: float) -> None:
+    material = Fluid(density=density, bulk_modulus=bulk, viscosity=viscosity)
+    assert growth(material, spacing, 0.99 * rest_bound(material, spacing), np.array([0.2, 0.5, 0.9])) <= 1 + 1e-6
+
+
+def test_viscosity_alone_sets_the_bound_of_honey() -> None:
+    honey = Fluid(density=1400.0, bulk_modulus=1e-3, viscosity=100.0)
+    bound = rest_bound(honey, 0.01)
+    assert bound == pytest.approx(1400 * 0.01**2 / (4 * 100), rel=1e-3)
+    assert growth(honey, 0.01, 1.05 * bound, np.array([0.2, 0.5, 0.9])) > 1.05
+
+
+def test_without_stiffness_there_is_no_bound() -> None:
+    assert rest_bound(Rigid(density=1.0), 0.1) == math.inf
+
+
+def tangent(law: Any, deformation: Array) -> float:
+    """Largest eigenvalue of d tau / d(grad v), by central differences: what a lone point feels of its own C."""
+    h = 1e-6
+    columns = []
+    for unit in np.eye(9).reshape(9, 3, 3):
+        columns.append(
+            ((law((np.eye(3) + h * unit) @ deformation) - law((np.eye(3) - h * unit) @ deformation)) / (2 * h)).ravel()
+        )
+    return float(np.linalg.eigvals(np.array(columns).T).real.max())
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
+@given(stretches=st.tuples(*[st.floats(0.3, 4.0)] * 3))
+def test_stiffening_covers_the_tangent_of_the_fixed_corotated_law(
+    ratio: float, stretches: tuple[float, float, float]
+) -> None:
+    material = Elastic(density=1.0, youngs_modulus=1.0, poissons_ratio=ratio)
+    mu, lame = material.shear_modulus, material.lame_lambda
+
+    def law(f: Array) -> Array:
+        left, _, right = np.linalg.svd(f)
+        volume = np.linalg.det(f)
+        return 2 * mu * (f - left @ right) @ f.T + lame * (volume - 1) * volume * np.eye(3)
+
+    deformation = np.diag(stretches)
+    at_rest = max(2 * mu, 2 * mu + 3 * lame)
+    allowed = at_rest * float(stiffening(deformation[None])[0])
+    # Central differences with h = 1e-6 are good to 1e-8 of these numbers.
+    assert tangent(law, deformation) <= allowed * (1 + 1e-6)
+
+
+def test_stiffening_is_one_at_rest_and_under_pressure_and_knows_no_rotation() -> None:
+    angle = 0.7
+    turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+    factors = stiffening(np.stack([np.eye(3), turn, 0.5 * np.eye(3), np.diag([2.0, 1.0, 1.0])]))
+    # Stretch 2 along one axis: 2 s^2 - s = 6.
+    np.testing.assert_allclose(factors, [1, 1, 1, 6], rtol=1e-12)
+
+
+def test_stiffening_passes_nan_on() -> None:
+    assert np.isnan(stiffening(np.full((1, 3, 3), np.nan))).all()
+
+
+def problem_of(*materials: Material) -> PointProblem:
+    count = len(materials)
+    return PointProblem(
+        points=PointCloud(
+            reference_positions=np.zeros((count, 3)),
+            initial_velocities=np.zeros((count, 3)),
+            reference_volumes=np.ones(count),
+            material_ids=np.arange(count),
+            body_ids=np.arange(count),
+        ),
+        materials=materials,
+    )
+
+
+def test_an_override_above_the_bound_names_bound_and_material() -> None:
+    soft = Elastic(density=1000.0, youngs_modulus=1e3, poissons_ratio=0.2)
+    hard = Sand(density=1000.0, youngs_modulus=1e7, poissons_ratio=0.2)
+    bound = rest_bound(hard, 0.1)
+    with pytest.raises(SceneError, match=rf"stable bound {bound:.3g} s \(sand, grid spacing 0.1 m\)"):
+        refuse_unstable_substep(problem_of(soft, hard), 0.1, EngineAccuracy(substep=1.01 * bound))
+    refuse_unstable_substep(problem_of(soft, hard), 0.1, EngineAccuracy(substep=0.99 * bound))
+    refuse_unstable_substep(problem_of(soft), 0.1, EngineAccuracy(substep=1.01 * bound))
+    refuse_unstable_substep(problem_of(soft, hard), 0.1, EngineAccuracy())
+
+
+def test_the_smallest_limit_sets_the_step() -> None:
+    accuracy = EngineAccuracy(substep_fraction=0.5)
+
+    def step(stress: float = 1.0, speed: float = 0.0, gradient: float = 0.0) -> float:
+        return substep_size(MotionLimits(stress=stress, speed=speed, velocity_gradient=gradient), 0.1, accuracy)
+
+    assert step() == 0.5
+    assert step(speed=10.0) == pytest.approx(0.005)
+    assert step(gradient=100.0) == pytest.approx(0.002)
+    assert step(stress=1e-3, speed=10.0, gradient=100.0) == pytest.approx(5e-4)
+    fixed = EngineAccuracy(substep=0.3)
+    assert substep_size(MotionLimits(stress=1e-9, speed=1e9, velocity_gradient=1e9), 0.1, fixed) == 0.3
+
+
+@given(remaining=st.floats(1e-9, 1e3), step=st.floats(1e-9, 1e3))
+def test_equal_steps_land_on_the_end(remaining: float, step: float) -> None:
+    if remaining / step > 1e6:
+        return
+    count, size = substeps_to(remaining, step)
+    assert count * size == pytest.approx(remaining, rel=1e-15)
+    assert size <= step * (1 + 2e-9)
+    # Not one more than needed.
+    assert count == 1 or remaining / (count - 1) > step * (1 - 1e-8)
+
+
+def test_round_numbers_make_round_counts() -> None:
+    assert substeps_to(0.04, 0.0004)[0] == 100
+    assert substeps_to(0.3, 0.1)[0] == 3
+    assert substeps_to(1.0, math.inf) == (1, 1.0)
+
+
+def test_events_are_starts_and_finite_ends_once_each_in_order() -> None:
+    drives = [
+        Driven(region=EVERYWHERE, start=0.5, end=2.0),
+        Impulse(region=EVERYWHERE, start=1.0),
+        Driven(region=EVERYWHERE, start=0.5),
+    ]
+    np.testing.assert_array_equal(event_times(drives, [Wind(end=0.25)]), [0.0, 0.25, 0.5, 1.0, 2.0])
+    assert event_times([], []).shape == (0,)
