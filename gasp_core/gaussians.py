@@ -77,6 +77,8 @@ class Gaussians:
     def select(self, rows: ArrayLike) -> Gaussians:
         """The Gaussians of the given rows (indices or a mask), in that order."""
         index = np.asarray(rows)
+        # An empty list becomes an array of floats, which selects nothing but an error.
+        index = index.astype(np.intp) if index.size == 0 and index.dtype != bool else index
         return Gaussians(
             means=self.means[index],
             quaternions=self.quaternions[index],

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -69,6 +69,7 @@ def growth(material: Material, spacing: float, dt: float, cell: Array) -> float:
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
+@settings(deadline=None)  # a slow machine is not a failure
 @given(modulus=moduli, ratio=ratios, density=densities, spacing=spacings, cell=st.tuples(*[st.floats(0, 1)] * 3))
 def test_a_lone_point_is_stable_up_to_the_bound_and_not_beyond(
     modulus: float, ratio: float, density: float, spacing: float, cell: tuple[float, float, float]
@@ -81,6 +82,7 @@ def test_a_lone_point_is_stable_up_to_the_bound_and_not_beyond(
     assert growth(material, spacing, 1.01 * bound, np.array(cell)) > 1.2
 
 
+@settings(deadline=None)  # a slow machine is not a failure
 @given(ratio=ratios, modulus=moduli, density=densities, spacing=spacings)
 def test_the_bound_of_a_solid_is_the_closed_form(ratio: float, modulus: float, density: float, spacing: float) -> None:
     closed = spacing * math.sqrt(density * (1 - 2 * ratio) / modulus)
@@ -90,6 +92,7 @@ def test_the_bound_of_a_solid_is_the_closed_form(ratio: float, modulus: float, d
         assert rest_bound(material, spacing) == pytest.approx(closed, rel=1e-12)
 
 
+@settings(deadline=None)  # a slow machine is not a failure
 @given(ratio=st.floats(-0.95, -0.01))
 def test_an_auxetic_solid_is_bound_by_its_shear(ratio: float) -> None:
     material = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=ratio)
@@ -99,6 +102,7 @@ def test_an_auxetic_solid_is_bound_by_its_shear(ratio: float) -> None:
     assert growth(material, 0.1, 1.01 * bound, cell) > 1.2
 
 
+@settings(deadline=None)  # a slow machine is not a failure
 @given(bulk=moduli, viscosity=st.floats(0, 1e4), density=densities, spacing=spacings)
 def test_a_lone_drop_is_stable_at_the_bound(bulk: float, viscosity: float, density: float, spacing: float) -> None:
     material = Fluid(density=density, bulk_modulus=bulk, viscosity=viscosity)
@@ -128,6 +132,7 @@ def tangent(law: Any, deformation: Array) -> float:
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
+@settings(deadline=None)
 @given(stretches=st.tuples(*[st.floats(0.3, 4.0)] * 3))
 def test_stiffening_covers_the_tangent_of_the_fixed_corotated_law(
     ratio: float, stretches: tuple[float, float, float]
@@ -152,9 +157,11 @@ def test_stiffening_is_one_at_rest_and_under_pressure_and_knows_no_rotation() ->
     turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
     factors = stiffening(np.stack([np.eye(3), turn, 0.5 * np.eye(3), np.diag([2.0, 1.0, 1.0])]))
     # Stretch 2 along one axis: 2 s^2 - s = 6.
-    np.testing.assert_allclose(factors, [1, 1, 1, 6], rtol=1e-12)
+    # At rest the bound is a double root, where rounding shows as its square root: a few 1e-8.
+    np.testing.assert_allclose(factors, [1, 1, 1, 6], rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:invalid value encountered in det")
 def test_stiffening_passes_nan_on() -> None:
     assert np.isnan(stiffening(np.full((1, 3, 3), np.nan))).all()
 
@@ -198,6 +205,7 @@ def test_the_smallest_limit_sets_the_step() -> None:
     assert substep_size(MotionLimits(stress=1e-9, speed=1e9, velocity_gradient=1e9), 0.1, fixed) == 0.3
 
 
+@settings(deadline=None)  # a slow machine is not a failure
 @given(remaining=st.floats(1e-9, 1e3), step=st.floats(1e-9, 1e3))
 def test_equal_steps_land_on_the_end(remaining: float, step: float) -> None:
     if remaining / step > 1e6:

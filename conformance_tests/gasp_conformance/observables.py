@@ -35,13 +35,17 @@ def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[f
 def half_height_width(times: Array, pulse: Array, height: float) -> float:
     """Time between the first rise of a pulse through `height` / 2 and its last fall through it [s], by interpolation.
 
+    No pulse at all has no width.
+
     Raises
     ------
     ValueError
-        Where the pulse does not begin and end below that.
+        Where the pulse does not begin and end within the times.
     """
     above = pulse > height / 2
-    if above[0] or above[-1] or not above.any():
+    if not above.any():
+        return 0.0
+    if above[0] or above[-1]:
         raise ValueError("the pulse does not rise and fall within the times given")
     first = int(np.argmax(above))
     last = len(above) - 1 - int(np.argmax(above[::-1]))

@@ -83,13 +83,17 @@ def rest_bound(material: Material, spacing: float) -> float:
 def stiffening(deformation_gradients: Array) -> Array:
     """Factor >= 1, (N,), by which points (N, 3, 3) are stiffer than at rest; a step shrinks by its square root.
 
-    Fixed-corotated stress stiffens as 2 s^2 - s in the largest stretch s (and as 2 J^2 - J in volume). s is taken from
-    |F|^2 - 2, which is s^2 where the other two stretches are 1: no decomposition is needed.
+    Fixed-corotated stress stiffens as 2 s^2 - s in the largest stretch s, and as 2 J^2 - J in volume. No decomposition
+    is needed for a bound on s: the other two stretches have the product |J|/s, so their squares add up to 2 |J|/s at
+    least, and s is at most the largest root of s^3 - |F|^2 s + 2 |J| = 0 (Viete's form; exact where the two are equal).
     """
-    determinant = np.linalg.det(deformation_gradients)
-    squared = np.maximum(np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) - 2, determinant**2)
-    squared = np.maximum(squared, 1.0)
-    return 2 * squared - np.sqrt(squared)
+    volume_ratio = np.abs(np.linalg.det(deformation_gradients))
+    third = np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) / 3
+    scale = np.sqrt(np.maximum(third, 1e-300))
+    # The mean of three squares is never below the geometric one; rounding may say so.
+    angle = np.arccos(-np.minimum(volume_ratio / scale**3, 1.0)) / 3
+    stretch = np.maximum(np.maximum(2 * scale * np.cos(angle), volume_ratio), 1.0)
+    return 2 * stretch**2 - stretch
 
 
 def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: EngineAccuracy) -> None:

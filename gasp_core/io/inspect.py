@@ -186,7 +186,7 @@ def _oddities(gaussians: Gaussians, finite: Gaussians, means: Array, scales: Arr
         """Add a sentence on the rows of a mask, if they are more than the share `least`."""
         number = int(np.count_nonzero(rows))
         if number > least * len(rows):
-            found.append(f"{number:,} Gaussians ({100 * number / len(rows):.2g} %) {sentence}")
+            found.append(f"{number:,} Gaussians ({_percent(number / len(rows))}) {sentence}")
 
     for name in ("means", "quaternions", "scales", "opacities", "harmonics"):
         array = getattr(gaussians, name)
@@ -232,5 +232,10 @@ def _about_opacity(opacities: Array) -> list[str]:
         return ["every Gaussian is opaque: made from a mesh rather than trained"]
     faint = float(np.mean(opacities < 1 / 255))
     if faint > 0.05:
-        return [f"{100 * faint:.2g} % of the Gaussians are invisible (opacity below 1/255)"]
+        return [f"{_percent(faint)} of the Gaussians are invisible (opacity below 1/255)"]
     return []
+
+
+def _percent(share: float) -> str:
+    """A share to two digits, without an exponent for whole ones."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"

@@ -12,7 +12,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
 | ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
-| ``checkpoints/<frame>`` | the engine's state, at most two |
+| ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``; at most two |
 | ``status`` | attributes: state, reason, frames wanted |
 
 Displacements less their mean keep the shape of a small edge however far the body flew: at 1e4 m a float32 knows

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 import shutil
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ __all__ = ["RecordingWriter", "split_displacements"]
 Array = NDArray[Any]
 
 _CHUNK_ROWS = 2**18
+_FLAT: Any = {"name": "default", "separator": "."}
 _KEPT_CHECKPOINTS = 2
 
 
@@ -191,22 +194,11 @@ class RecordingWriter:
         RecordingError
             Where the disk refuses.
         """
-        import zarr
-        from zarr.codecs import BloscCodec, Crc32cCodec
-
         folder = self.path / "checkpoints" / f"{frame:08d}"
         try:
             shutil.rmtree(folder, ignore_errors=True)
             with folder_in_the_making(folder) as beside:
-                group: Any = zarr.create_group(str(beside), attributes={"frame": frame, "names": list(state)})
-                for index, array in enumerate(state.values()):
-                    values = np.asarray(array)
-                    group.create_array(
-                        f"{index:04d}",
-                        data=values,
-                        chunks=tuple(max(length, 1) for length in values.shape),
-                        compressors=[BloscCodec(cname="lz4", clevel=1), Crc32cCodec()],
-                    )
+                _store_checkpoint(beside, state)
             for older in sorted(self._checkpoints())[:-_KEPT_CHECKPOINTS]:
                 shutil.rmtree(self._checkpoints()[older], ignore_errors=True)
         except OSError as error:
@@ -230,14 +222,12 @@ class RecordingWriter:
 
     def _sync_chunk(self, name: str, frame: int) -> dict[str, int]:
         """Flush the chunk file of a frame; its path and size."""
-        top = self.path / "frames" / name / "c"
-        file = top / str(frame) / "0" / "0"
+        file = self.path / "frames" / name / _chunk_name(frame)
         key = file.relative_to(self.path).as_posix()
         if not file.exists():
             return {key: 0}
         sync_file(file)
-        for folder in (file.parent, file.parent.parent, top, top.parent):
-            sync_folder(folder)
+        sync_folder(file.parent)
         return {key: file.stat().st_size}
 
     def _checkpoints(self) -> dict[int, Path]:
@@ -266,9 +256,35 @@ class RecordingWriter:
             if frame >= first:
                 shutil.rmtree(folder, ignore_errors=True)
         for name in self._frames:
-            for entry in (self.path / "frames" / name).glob("c/*"):
-                if int(entry.name) >= first:
-                    shutil.rmtree(entry, ignore_errors=True)
+            for entry in (self.path / "frames" / name).glob("c.*"):
+                # A file that was being written has a longer name; it goes with its frame.
+                if int(entry.name.split(".")[1]) >= first:
+                    entry.unlink()
+
+
+def _chunk_name(frame: int) -> str:
+    """File of a frame's chunk in its array: one flat folder, for each folder costs a flush of its own."""
+    return f"c.{frame}.0.0"
+
+
+def _store_checkpoint(folder: Path, state: Mapping[str, Array]) -> None:
+    """An engine's state as one Zarr array of bytes, those of an ``.npz``."""
+    import zarr
+    from zarr.codecs import BloscCodec, Crc32cCodec
+
+    packed = io.BytesIO()
+    # Positional names: a key of the engine's may be anything.
+    np.savez(packed, **{f"a{index}": np.asarray(array) for index, array in enumerate(state.values())})
+    content = np.frombuffer(packed.getbuffer(), dtype=np.uint8)
+    zarr.create_array(
+        str(folder),
+        data=content,
+        chunks=content.shape,
+        compressors=[BloscCodec(cname="lz4", clevel=1), Crc32cCodec()],
+        chunk_key_encoding=_FLAT,
+        attributes={"names": list(state)},
+        overwrite=True,
+    )
 
 
 def _write_store(
@@ -290,7 +306,9 @@ def _write_store(
 
     def keep(name: str, values: Array) -> None:
         chunks = (max(min(len(values), _CHUNK_ROWS), 1), *(max(length, 1) for length in values.shape[1:]))
-        root.create_array(name, data=np.ascontiguousarray(values), chunks=chunks, compressors=codecs)
+        root.create_array(
+            name, data=np.ascontiguousarray(values), chunks=chunks, compressors=codecs, chunk_key_encoding=_FLAT
+        )
 
     for field in dataclasses.fields(reference):
         keep(f"reference/{field.name}", getattr(reference, field.name))
@@ -305,6 +323,7 @@ def _write_store(
             chunks=(1, *points.shape),
             dtype="float32",
             compressors=codecs,
+            chunk_key_encoding=_FLAT,
         )
     write_attributes(folder / "commits", {})
     write_attributes(folder / "checkpoints", {})
@@ -317,9 +336,10 @@ def _read_checkpoint(folder: Path) -> dict[str, Array]:
 
     try:
         names: list[str] = read_attributes(folder)["names"]
-        group: Any = zarr.open_group(str(folder), mode="r")
-        return {name: np.asarray(group[f"{index:04d}"][...]) for index, name in enumerate(names)}
-    except (RecordingError, KeyError, OSError, ValueError, RuntimeError):
+        node: Any = zarr.open_array(str(folder), mode="r")
+        with np.load(io.BytesIO(node[...].tobytes()), allow_pickle=False) as arrays:
+            return {name: arrays[f"a{index}"] for index, name in enumerate(names)}
+    except (RecordingError, KeyError, OSError, ValueError, RuntimeError, zipfile.BadZipFile):
         return {}
 
 

@@ -96,7 +96,7 @@ def webp(pixels):
     return stream.getvalue()
 
 
-def sog(version, count=10, degree=1, seed=0, **changes):
+def sog(version, count=10, degree=1, /, *, seed=0, **changes):
     """Files of a SOG: name to bytes. `changes` are paths into meta.json, with __ between keys."""
     rng = np.random.default_rng(seed)
     side = int(np.ceil(np.sqrt(count)))

@@ -1,4 +1,4 @@
-"""What is not a splat, or no longer: one line that says what, where and what to do, and never more memory than needed."""
+"""What is not a splat, or no longer: one line that says what, where and what to do, at no cost in memory."""
 
 import gzip
 import io
@@ -120,8 +120,8 @@ CASES = {
     ),
     "control characters in a name": (
         "a.ply",
-        lambda b: swapped(inria(b), b"element", b"element \x1b[31m\x07 1\nelement"),
-        "no element|holds|lacks|means nothing",
+        lambda b: swapped(inria(b), b"float rot_3", b"float rot_3\x1b[31m\x07"),
+        "lacks the properties rot_3",
     ),
     "chunks lie": ("a.ply", lambda b: b.compressed_ply(300, 0, chunks=1), "need 2 chunks, it has 1"),
     "chunks without bounds": (
@@ -270,9 +270,10 @@ CASES = {
 
 
 def spoiled_zstd(content):
-    streams = content[27] if False else content[15]
+    streams = content[15]
     start = 32 + 16 * streams
-    return content[: start + 9] + bytes(b ^ 0xFF for b in content[start + 9 : start + 14]) + content[start + 14 :]
+    # The block's own header: magic, descriptor and size take six bytes.
+    return content[: start + 6] + bytes(b ^ 0xFF for b in content[start + 6 : start + 9]) + content[start + 9 :]
 
 
 def zstd_bomb(build):
@@ -391,6 +392,11 @@ def samples(build, some, tmp_path_factory):
     return content
 
 
+@pytest.fixture(scope="session")
+def sogs(build):
+    return {version: build.sog(version) for version in (1, 2)}
+
+
 NAMES = [
     *("a.ply", "a.splat", "a.spz", "old.ply", "new.ply", "text.ply"),
     *("v1.spz", "v2.spz", "v4.spz", "v1.sog", "v2.sog"),
@@ -412,7 +418,7 @@ def gaussians_or_refusal(path):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(data=st.data())
 def test_damage_gives_gaussians_or_a_refusal(samples, tmp_path, name, data):
     content = bytearray(samples[name])
@@ -427,11 +433,11 @@ def test_damage_gives_gaussians_or_a_refusal(samples, tmp_path, name, data):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("version", [1, 2])
-@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(data=st.data())
-def test_damage_behind_the_checksums_of_a_sog(build, tmp_path, version, data):
+def test_damage_behind_the_checksums_of_a_sog(sogs, tmp_path, version, data):
     """In a folder no checksum stands before the images and meta.json."""
-    files = build.sog(version)
+    files = dict(sogs[version])
     name = data.draw(st.sampled_from(sorted(files)))
     content = bytearray(files[name])
     for _ in range(data.draw(st.integers(1, 4))):
@@ -445,7 +451,7 @@ def test_damage_behind_the_checksums_of_a_sog(build, tmp_path, version, data):
 
 
 @pytest.mark.filterwarnings("error")
-@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(data=st.data())
 def test_damage_behind_the_checksum_of_a_spz(build, tmp_path, data):
     """Packed again after the damage, so that gzip finds nothing wrong."""

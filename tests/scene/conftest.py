@@ -22,6 +22,13 @@ def _load_ballistic():
     return module
 
 
+@pytest.fixture(autouse=True)
+def no_flush(monkeypatch):
+    # A flush shows only when the power fails, and a busy disk takes seconds for the thousands of them here. What a
+    # killed process leaves behind is tested in processes of their own, flushes and all.
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
+
+
 @pytest.fixture(scope="session")
 def ballistic():
     return _load_ballistic()

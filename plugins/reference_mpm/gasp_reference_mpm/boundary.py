@@ -6,6 +6,7 @@ velocities.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -81,12 +82,12 @@ def driven(velocities: Array, positions: Array, drives: Sequence[Drive], time: f
 
 def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:
     """Contact conditions at nodes on or behind the surface of each collider, in the order given."""
-    for collider in [wall for collider in colliders for wall in _walls(collider)]:
-        sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
-        touching = sign * collider.shape.signed_distance(positions) <= TOUCH * spacing
-        normal = sign * collider.shape.outward_normal(positions[touching])
+    for wall in itertools.chain.from_iterable(map(_walls, colliders)):
+        sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
+        touching = sign * wall.shape.signed_distance(positions) <= TOUCH * spacing
+        normal = sign * wall.shape.outward_normal(positions[touching])
         velocities = velocities.copy()
-        velocities[touching] = _after_contact(velocities[touching], normal, collider)
+        velocities[touching] = _after_contact(velocities[touching], normal, wall)
     return velocities
 
 

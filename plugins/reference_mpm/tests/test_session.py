@@ -418,13 +418,14 @@ def test_points_held_at_the_edge_are_reported() -> None:
     assert report.warnings == ("1 point(s) were held back at the domain's edge",)
 
 
-def test_a_cloud_too_wide_for_the_grid_names_the_farthest_point() -> None:
+def test_a_cloud_too_wide_for_the_grid_names_the_farthest_point(monkeypatch: pytest.MonkeyPatch) -> None:
     start = box((1, 1, 1), 0.01)
     start[5] += 300.0
     with pytest.raises(SceneError, match=r"farthest is point 5 at \(300"):
         opened(problem(start, 0.01), 0.01)
-    # And one that becomes so: two halves that part at 40 m/s, 3 x 3 x 2e6 nodes being too many.
-    halves = np.concatenate([box((1, 1, 1), 0.01), box((1, 1, 1), 0.01, (1.0, 1.0, 1.0))])
+    # And one that becomes so: two halves that part at 70 m/s, from 15^3 nodes to 30^3 and more.
+    monkeypatch.setattr("gasp_reference_mpm.lattice._NODE_CAP", 27_000)
+    halves = np.concatenate([box((1, 1, 1), 0.01), box((1, 1, 1), 0.01, (0.1, 0.1, 0.1))])
     scene = problem(halves, 0.01, velocity=np.repeat([[0.0, 0, 0], [40.0, 40.0, 40.0]], 8, axis=0))
     with opened(scene, 0.01) as session:
         report = session.advance_to(0.1)

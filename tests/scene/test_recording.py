@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
+
+from gasp_core import Recording
+from gasp_core.errors import RecordingError
+from gasp_core.recording.durable import folder_in_the_making, replace_file
+from gasp_core.recording.layout import VERSION
+from gasp_core.recording.lock import lock, locked
+from gasp_core.recording.writer import split_displacements
+
+
+@pytest.fixture
+def recorded(scene_of, run, tmp_path):
+    return run(scene_of(duration=0.2), tmp_path / "a.gasp")
+
+
+def edit(path, change):
+    node = json.loads(path.read_text())
+    change(node["attributes"])
+    path.write_text(json.dumps(node))
+
+
+@given(st_numpy.arrays(np.float64, (20, 3), elements=st.floats(-1e6, 1e6)))
+def test_split_displacements_add_up(displacements):
+    """float32 has 24 bits: half an ulp of the rest, 2^-24 of it, and rounding of the mean in double."""
+    bodies = [slice(0, 12), slice(12, 20)]
+    means, relative = split_displacements(displacements, bodies)
+    assert relative.dtype == np.float32
+    for body, mean in zip(bodies, means):
+        rest = np.abs(displacements[body] - mean)
+        error = np.abs(relative[body] + mean - displacements[body])
+        assert (error <= rest * 2**-24 + 1e-9 + 2**-149).all()
+    zero, none = split_displacements(np.zeros((20, 3)), bodies)
+    assert not zero.any() and not none.any()
+
+
+def test_it_is_a_zarr_hierarchy_and_nothing_else(recorded):
+    import zarr
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # Zarr warns of what it does not know
+        names = {name for name, _ in zarr.open_group(str(recorded.path), mode="r").members(max_depth=None)}
+    assert {"frames/displacements", "reference/means", "commits/00000005", "status", "bodies/0/magnification"} <= names
+
+
+def test_a_frame_without_its_commit_does_not_exist(recorded):
+    (recorded.path / "commits" / "00000004" / "zarr.json").unlink()
+    assert Recording.open(recorded.path).frame_count == 4
+    with pytest.raises(RecordingError, match="has no frame 4, its frames are 0 to 3"):
+        recorded.gaussians(4)
+    with pytest.raises(RecordingError, match="has no frame -1"):
+        recorded.points(-1)
+
+
+def test_damage_is_found_where_it_is(recorded):
+    chunk = recorded.path / "frames" / "displacements" / "c.3.0.0"
+    content = bytearray(chunk.read_bytes())
+    content[len(content) // 2] ^= 1
+    chunk.write_bytes(content)
+    with pytest.raises(RecordingError, match="displacements of frame 3 is damaged"):
+        recorded.points(3)
+    chunk.write_bytes(content[:-5])
+    with pytest.raises(RecordingError, match=r"frame 3 is damaged: its chunk has \d+ bytes, expected"):
+        recorded.points(3)
+    chunk.unlink()
+    with pytest.raises(RecordingError, match="its chunk has 0 bytes"):
+        recorded.gaussians(3)
+    assert np.isfinite(recorded.points(2)).all() and np.isfinite(recorded.points(4)).all()
+
+
+def test_damage_of_the_reference_is_found(recorded):
+    chunk = next((recorded.path / "reference" / "means").glob("c*"))
+    content = bytearray(chunk.read_bytes())
+    content[-1] ^= 255
+    chunk.write_bytes(content)
+    with pytest.raises(RecordingError, match="reference/means is damaged"):
+        _ = Recording.open(recorded.path).reference
+
+
+def test_what_is_no_recording(tmp_path, recorded):
+    with pytest.raises(RecordingError, match="there is no such recording"):
+        Recording.open(tmp_path / "nothing")
+    with pytest.raises(RecordingError, match="is no recording"):
+        Recording.open(tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="is a file"):
+        Recording.open(tmp_path / "file")
+    header = recorded.path / "zarr.json"
+    good = header.read_text()
+    header.write_text(good[: len(good) // 2])
+    with pytest.raises(RecordingError, match="damaged"):
+        Recording.open(recorded.path)
+    header.write_text(good)
+    edit(header, lambda attributes: attributes.update(version=VERSION + 1))
+    with pytest.raises(RecordingError, match="update GASP"):
+        Recording.open(recorded.path)
+    header.write_text(good)
+    edit(header, lambda attributes: attributes.pop("spacing"))
+    with pytest.raises(RecordingError, match="header"):
+        Recording.open(recorded.path)
+    header.write_text(good)
+    edit(header, lambda attributes: attributes.update(format="else"))
+    with pytest.raises(RecordingError, match="is no recording"):
+        Recording.open(recorded.path)
+
+
+def test_a_damaged_checkpoint_is_passed_over(scene_of, run, tmp_path):
+    whole = run(scene_of(), tmp_path / "whole.gasp")
+    run(scene_of(), tmp_path / "a.gasp", frames=8)
+    last = max((tmp_path / "a.gasp" / "checkpoints").glob("0*"))
+    assert last.name == "00000007"
+    (last / "c.0").write_bytes(b"nonsense")
+    again = run(scene_of(), tmp_path / "a.gasp", resume=True)
+    assert again.status == "complete"
+    assert np.array_equal(again.points(10), whole.points(10))
+
+
+def test_one_writer_at_a_time_and_one_can_tell(recorded, scene_of, run):
+    edit(recorded.path / "status" / "zarr.json", lambda attributes: attributes.update(state="running"))
+    assert recorded.status == "incomplete" and "killed" in recorded.reason
+    import os
+
+    held = lock(recorded.path)
+    try:
+        assert locked(recorded.path)
+        assert (recorded.status, recorded.reason) == ("running", "")
+        with pytest.raises(RecordingError, match="another process is writing it"):
+            run(scene_of(duration=0.2), recorded.path, resume=True)
+        with pytest.raises(RecordingError, match="another process is writing it"):
+            run(scene_of(duration=0.2), recorded.path, overwrite=True)
+    finally:
+        os.close(held)
+    assert not locked(recorded.path)
+    assert run(scene_of(duration=0.2), recorded.path, resume=True).status == "complete"
+
+
+def test_files_appear_whole_or_not_at_all(tmp_path):
+    replace_file(tmp_path / "a", b"one")
+    replace_file(tmp_path / "a", b"two")
+    assert (tmp_path / "a").read_bytes() == b"two"
+    with pytest.raises(ValueError, match="on purpose"), folder_in_the_making(tmp_path / "b") as beside:
+        (beside / "file").write_text("")
+        raise ValueError("on purpose")
+    with folder_in_the_making(tmp_path / "c") as beside:
+        (beside / "file").write_text("")
+        assert not (tmp_path / "c").exists()
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a", "c"]
