@@ -31,7 +31,7 @@ install: $(STAMP) ## Build the environment in .venv
 
 .PHONY: demo
 demo: $(STAMP) ## Drop a soft toy: splat in, splats out
-	@$(BIN)/gasp demo --out demo
+	@$(BIN)/gasp demo
 
 .PHONY: check
 check: $(STAMP) ## Lint, types, who may import whom
@@ -63,4 +63,4 @@ lock: $(STAMP) ## Pin every dependency anew
 
 .PHONY: clean
 clean: ## Remove the environment and what was made
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) gasp-demo*

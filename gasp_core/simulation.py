@@ -44,7 +44,7 @@ from gasp_core.recording import Recording
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.writer import RecordingWriter
 from gasp_core.reduction.assembly import Assembly, assemble, moved_gaussians
-from gasp_core.scene.model import MapChoice, RecordingChoice, Scene, SplatObject
+from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest, scene_to_toml
@@ -512,6 +512,7 @@ def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
         scene,
         duration=1 / scene.frame_rate,
         objects=objects,
+        engine=EngineChoice(),  # compared by itself, so that one can say what differs
         recording=RecordingChoice(),
         accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
     )

@@ -11,24 +11,31 @@ from typing import cast
 from gasp_core.engine.availability import missing_requirements
 from gasp_core.errors import GaspError, PluginLoadError
 
-__all__ = ["how_to_mend", "import_factory", "one_line", "quietly"]
+__all__ = ["contained", "how_to_mend", "import_factory", "one_line", "quietly"]
 
 
-def quietly(call: Callable[[], object]) -> object:
-    """Call foreign code with its prints sent to stderr: stdout is for what was asked for.
+def contained(call: Callable[[], object]) -> object:
+    """Call foreign code.
 
     Raises
     ------
     PluginLoadError
         Where it tries to end the program.
     """
+    try:
+        return call()
+    except SystemExit as error:
+        raise PluginLoadError(f"tried to exit the program (status {error.code!r}): report it to its author") from error
+
+
+def quietly(call: Callable[[], object]) -> object:
+    """`contained`, with what it prints sent to stderr: stdout is for what was asked for.
+
+    For plugin modules and hooks alone: a backend may take another `sys.stdout` at its import for a notebook's, and
+    print to it from then on (Taichi does, and slows down).
+    """
     with contextlib.redirect_stdout(sys.stderr):
-        try:
-            return call()
-        except SystemExit as error:
-            raise PluginLoadError(
-                f"tried to exit the program (status {error.code!r}): report it to its author"
-            ) from error
+        return contained(call)
 
 
 def one_line(error: BaseException) -> str:
@@ -64,7 +71,7 @@ def import_factory(factory: str, what: str, distribution: str) -> Callable[[], o
         return target
 
     try:
-        target = quietly(load)
+        target = contained(load)
     except Exception as error:
         remedy = how_to_mend(distribution)
         raise PluginLoadError(f"{what} ({factory}) cannot be loaded: {one_line(error)}; {remedy}") from error

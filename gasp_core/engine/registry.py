@@ -9,7 +9,7 @@ from types import MappingProxyType, ModuleType
 from typing import cast
 
 from gasp_core.engine.contract import EngineDescriptor, PointEngine
-from gasp_core.engine.foreign import how_to_mend, import_factory, one_line, quietly
+from gasp_core.engine.foreign import contained, how_to_mend, import_factory, one_line, quietly
 from gasp_core.engine.hookspecs import Command, RendererDescriptor
 from gasp_core.engine.plugins import FoundPlugin, PluginOffers, installed_plugins, offer_fault, read_plugin
 from gasp_core.errors import DuplicateEngineError, PluginLoadError, UnknownEngineError
@@ -129,7 +129,7 @@ class Registry:
         what = f'engine "{name}"'
         factory = import_factory(offer.descriptor.factory, what, offer.distribution)
         try:
-            return cast(PointEngine, quietly(factory))
+            return cast(PointEngine, contained(factory))
         except ImportError as error:
             # An engine may import its backend only now.
             remedy = how_to_mend(offer.distribution)

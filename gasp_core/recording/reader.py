@@ -86,9 +86,7 @@ class Recording:
         try:
             return read_attributes(self.path / "status")
         except FileNotFoundError:
-            raise RecordingError(
-                f"{self.path}: has lost its status; its frames can be read all the same"
-            ) from None
+            raise RecordingError(f"{self.path}: has lost its status; its frames can be read all the same") from None
 
     @property
     def frame_count(self) -> int:

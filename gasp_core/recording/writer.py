@@ -274,7 +274,8 @@ def _store_checkpoint(folder: Path, state: Mapping[str, Array]) -> None:
 
     packed = io.BytesIO()
     # Positional names: a key of the engine's may be anything.
-    np.savez(packed, **{f"a{index}": np.asarray(array) for index, array in enumerate(state.values())})
+    arrays: dict[str, Any] = {f"a{index}": np.asarray(array) for index, array in enumerate(state.values())}
+    np.savez(packed, **arrays)
     content = np.frombuffer(packed.getbuffer(), dtype=np.uint8)
     zarr.create_array(
         str(folder),

@@ -1,6 +1,7 @@
 """Plugins as distributions on the import path: good ones work, whatever the bad ones do."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -153,3 +154,11 @@ def test_unreadable_metadata_of_a_stranger_is_passed_over(installed, tmp_path, m
     (info / "entry_points.txt").write_bytes(b"[gasp]\n\xff\xfe = x\n")
     monkeypatch.syspath_prepend(tmp_path)
     assert "ballistic" in installed("ballistic").engines
+
+
+def test_an_engine_is_imported_with_the_stdout_of_the_program(installed):
+    """A library that finds another stdout at its import may take it for a notebook's and behave differently."""
+    registry = installed("ballistic")
+    assert sys.modules.get("fake_ballistic_engine") is None
+    registry.load("ballistic")
+    assert sys.modules["fake_ballistic_engine"].STDOUT_AT_IMPORT is sys.stdout

@@ -1,8 +1,12 @@
 """x = x0 + v0 t + g t^2 / 2 for every point."""
 
+import sys
+
 import numpy as np
 
 from gasp_core.engine.contract import PointState, Status, StepReport
+
+STDOUT_AT_IMPORT = sys.stdout
 
 
 class Ballistic:

@@ -1,0 +1,40 @@
+"""Every example runs as it stands; here coarsely and for a few frames."""
+
+import dataclasses
+import runpy
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gasp_core as gasp
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    for path in EXAMPLES.glob("*.*"):
+        if path.suffix in (".py", ".toml"):
+            shutil.copy(path, folder)
+    runpy.run_path(str(folder / "make_toy.py"), run_name="__main__")
+    return folder
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.toml")))
+def test_scene(name, examples):
+    scene = gasp.load_scene(examples / name)
+    coarse = dataclasses.replace(scene.accuracy, resolution=10)
+    run = gasp.simulate(dataclasses.replace(scene, accuracy=coarse), frames=4)
+    assert run.frame_count == 4
+    moved = run.gaussians(3)
+    assert np.isfinite(moved.means).all()
+    assert not np.array_equal(moved.means, run.gaussians(0).means)
+
+
+def test_script(examples, monkeypatch):
+    monkeypatch.chdir(examples)
+    runpy.run_path(str(examples / "drop.py"), run_name="__main__")
+    assert len(gasp.read_splat(examples / "toy_after.ply")) == 4000
