@@ -233,7 +233,7 @@ class _Run:
             self._end("incomplete", stopped)
             self._shown.say(stopped)
         elif end < self._scene.frame_count:
-            self._end("incomplete", f"stopped after {end} of {self._scene.frame_count} frames, as asked")
+            self._end("incomplete", f"stopped after {max(end, last + 1)} of {self._scene.frame_count} frames, as asked")
         else:
             self._end("complete", "")
 

@@ -96,7 +96,7 @@ class RecordingWriter:
         """Go on with a recording: the writer, the last frame that is kept, and the engine's state there.
 
         Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and frame 0 is
-        kept; -1 where there is not even that.
+        kept; -1 where there is not even that. Where all frames are there, all are kept.
 
         Raises
         ------
@@ -111,7 +111,8 @@ class RecordingWriter:
             writer = cls(path, found.header, descriptor)
             for leftover in (path / "checkpoints").glob(".*.part"):
                 shutil.rmtree(leftover, ignore_errors=True)
-            frame, state = writer._last_checkpoint(found.frame_count)
+            count = found.frame_count
+            frame, state = writer._last_checkpoint(count) if count < frames_wanted else (count - 1, {})
             writer._take_back(frame + 1)
             for name, array in writer._frames.items():
                 if array.shape[0] < frames_wanted:

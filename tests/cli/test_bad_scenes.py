@@ -120,6 +120,12 @@ def test_place_that_cannot_hold_a_recording(refused, out, says):
     refused("run", "scene.toml", "--out", out, says=says)
 
 
+def test_step_above_the_stable_bound(refused, workplace):
+    scene = workplace / "scene.toml"
+    scene.write_text(scene.read_text() + "\n[accuracy]\nsubstep = 0.1\n")
+    refused("run", scene, "--engine", "reference-mpm", says=["substep", "stable bound", "leave"])
+
+
 def test_a_run_is_not_overwritten_unasked(gasp, refused):
     assert gasp("run", "scene.toml").status == 0
     refused("run", "scene.toml", says=["scene.gasp", "resume"])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from gasp_core import Recording, read_splat
+from gasp_core.errors import RecordingError
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
 
@@ -87,11 +88,20 @@ def test_export_that_cannot_be(refused, run, arguments, says):
     refused("export", "scene.gasp", *arguments, says=says)
 
 
-def test_export_that_fails_half_way_takes_its_files_away(refused, run, workplace):
-    chunk = max((workplace / "scene.gasp" / "frames").rglob("c/2*"), key=lambda path: path.is_file())
-    for path in [chunk] if chunk.is_file() else [path for path in chunk.rglob("*") if path.is_file()]:
-        path.write_bytes(b"")
+def test_export_that_fails_half_way_takes_its_files_away(refused, run, workplace, monkeypatch):
+    readable = Recording.gaussians
+
+    def damaged_at_two(recording, frame):
+        if frame == 2:
+            raise RecordingError(f"{recording.path}: frame 2 is damaged")
+        return readable(recording, frame)
+
+    monkeypatch.setattr(Recording, "gaussians", damaged_at_two)
     refused("export", "scene.gasp", "--all", says=["scene.gasp", "damaged"])
+    # A folder that was there stays, with what else is in it.
+    (workplace / "mine").mkdir()
+    (workplace / "mine" / "note.txt").write_text("keep")
+    refused("export", "scene.gasp", "--all", "--out", "mine", says=["damaged"])
 
 
 def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(workplace):

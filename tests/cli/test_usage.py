@@ -166,9 +166,11 @@ def test_full_disk_leaves_no_half_file(gasp_process, workplace, target):
     assert sorted(path.name for path in workplace.iterdir()) == before
 
 
-def test_full_disk_under_a_run(gasp_process):
+def test_full_disk_at_the_start_of_a_run(gasp_process, workplace):
+    before = sorted(path.name for path in workplace.iterdir())
     done = gasp_process("run", "scene.toml", preexec_fn=no_room(512))
     assert done.returncode == 2
-    assert done.stderr.startswith("gasp: ")
+    assert done.stderr.startswith("gasp: scene.gasp")
     assert done.stderr.count("\n") == 1
     assert "internal error" not in done.stderr
+    assert sorted(path.name for path in workplace.iterdir()) == before

@@ -200,6 +200,19 @@ def test_a_finished_run_goes_on_for_longer(scene_of, run, tmp_path):
         assert np.array_equal(a, b)
 
 
+def test_resuming_what_is_finished_takes_nothing_back(scene_of, run, tmp_path):
+    path = tmp_path / "a.gasp"
+    first = run(scene_of(), path, checkpoints=False)
+    stamp = (path / "commits" / "00000003" / "zarr.json").stat().st_mtime_ns
+    again = run(scene_of(), path, checkpoints=False, resume=True)
+    assert (again.status, again.frame_count) == ("complete", first.frame_count)
+    assert (path / "commits" / "00000003" / "zarr.json").stat().st_mtime_ns == stamp
+    run(scene_of(), tmp_path / "b.gasp", frames=6)
+    fewer = run(scene_of(), tmp_path / "b.gasp", frames=3, resume=True)
+    assert (fewer.status, fewer.frame_count) == ("incomplete", 6)
+    assert "6 of 11" in fewer.reason
+
+
 def test_resuming_where_nothing_is_begins(scene_of, run, tmp_path):
     assert run(scene_of(), tmp_path / "a.gasp", resume=True).status == "complete"
 
@@ -212,7 +225,7 @@ def test_resuming_something_else_is_refused(scene_of, run, tmp_path, cloud):
     with pytest.raises(RecordingError, match="scene or one of its splats has changed"):
         run(scene_of(cloud(40, 7)), path, resume=True)
     other = dataclasses.replace(scene_of(), engine=dataclasses.replace(scene_of().engine, seed=4))
-    with pytest.raises(RecordingError, match="engine is not the one .*seed 0 -> 4"):
+    with pytest.raises(RecordingError, match=r"engine is not the one .*seed 0 -> 4"):
         run(other, path, resume=True)
     with pytest.raises(RecordingError, match="a recording is there already"):
         run(scene_of(), path)

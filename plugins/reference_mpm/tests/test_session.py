@@ -459,7 +459,7 @@ def test_a_leap_over_a_cell_is_not_believed() -> None:
     assert "cells in one substep" in report.warnings[0]
 
 
-def test_a_block_hit_at_ten_times_the_speed_of_sound_stays_above_the_floor_or_says_so() -> None:
+def test_a_block_thrown_down_at_ten_times_its_speed_of_sound_stays_above_the_floor() -> None:
     spacing = 0.25
     speed = 10 * math.sqrt(1e5 / 1000)
     scene = problem(
@@ -471,9 +471,9 @@ def test_a_block_hit_at_ten_times_the_speed_of_sound_stays_above_the_floor_or_sa
     with opened(scene, spacing) as session:
         report = session.advance_to(0.05)
         state = session.read(ALL)
-    assert np.isfinite(state.positions).all()
-    if report.status is Status.OK:
-        assert state.positions[:, 2].min() > -spacing
+    assert report.status is Status.OK
+    # Contact acts on nodes; matter between them may come a cell beyond.
+    assert state.positions[:, 2].min() > -spacing
 
 
 # --- sand and water -------------------------------------------------------------------------------------------------
