@@ -42,13 +42,13 @@ check: $(STAMP) ## Lint, types, who may import whom
 
 .PHONY: test
 test: check ## Everything that has to be true, in under 15 minutes on two cores
-	@$(BIN)/python -m pytest -m "not slow" tests plugins
+	@$(BIN)/python -m pytest -m "not slow"
 	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=reference-mpm
 	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm
 
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each
-	@$(BIN)/python -m pytest -m slow tests plugins
+	@$(BIN)/python -m pytest -m slow
 
 .PHONY: bench
 bench: $(STAMP) ## Print every table the README quotes

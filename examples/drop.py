@@ -1,6 +1,6 @@
 """A scene in Python: drop the toy, look at how the fall went, write the last frame as a splat.
 
-    python examples/make_toy.py && python examples/drop.py
+python examples/make_toy.py && python examples/drop.py
 """
 
 from pathlib import Path
@@ -9,9 +9,7 @@ import gasp_core as gasp
 
 here = Path(__file__).parent
 rubber = gasp.Elastic(density=200, youngs_modulus=5e4, poissons_ratio=0.3)
-toy = gasp.SplatObject(
-    name="toy", splat=here / "toy.ply", up="+z", height=0.3, position=(0, 0, 0.1), material=rubber
-)
+toy = gasp.SplatObject(name="toy", splat=here / "toy.ply", up="+z", height=0.3, position=(0, 0, 0.1), material=rubber)
 floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.5)
 scene = gasp.Scene(
     duration=0.4,

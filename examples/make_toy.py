@@ -1,6 +1,6 @@
 """Write the splat the example scenes use: a toy bear of 4,000 flat Gaussians.
 
-    python examples/make_toy.py
+python examples/make_toy.py
 """
 
 from pathlib import Path
