@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gasp_core.engine.contract import PointProblem
 from gasp_core.errors import SceneError
 from gasp_taichi_mpm import layout as at
-from gasp_taichi_mpm.cells import arrange
+from gasp_taichi_mpm.cells import COLOURS, arrange
 from gasp_taichi_mpm.kernels import make_kernels
 from gasp_taichi_mpm.memory import Memory
 from gasp_taichi_mpm.scaling import Units, material_table
@@ -124,7 +124,18 @@ class Cloud:
         # Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
         # field that the velocities and the last C make together; the passes converge geometrically.
         for _ in range(_SEEDING_PASSES):
-            self._kernels.splash(self._x, self._points, self._grid, self._tiles, self._active, self._put_control())
+            self._scatter(self._put_control())
+            self._kernels.learn_affine(self._x, self._points, self._grid, self._active, self._put_control())
+
+    def _scatter(self, control: Any) -> None:
+        """Empty the grid and put mass and momentum of the points on it."""
+        kernels = self._kernels
+        kernels.clear(self._grid, self._active, control)
+        if self._memory.on_gpu:
+            kernels.scatter_atomically(self._x, self._points, self._grid, control)
+            return
+        for colour in range(COLOURS):
+            kernels.scatter_colour(self._x, self._points, self._grid, self._tiles, control, colour)
 
     def _load(self, cells: Array, rows: Array, labels: Array) -> None:
         put, empty = self._memory.put, self._memory.empty
@@ -237,28 +248,21 @@ class Cloud:
         How many were done, whether a point drifted (it must be sorted before the next), how many points were clamped.
         """
         self._memory.write(self._report, np.zeros(at.REPORT_WIDTH, dtype=np.int32))
-        arguments = (
-            self._x,
-            self._points,
-            self._labels,
-            self._grid,
-            self._tiles,
-            self._active,
-            self._materials,
-            self._batch_argument,
-            self._forcing,
-            self._put_control(),
-            self._report,
-        )
+        control, moved = self._put_control(), (self._x, self._points, self._labels, self._grid)
+        acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
+        done = 0
         if self._serial:
-            self._kernels.steps_in_thread(*arguments, first, end - first)
+            self._kernels.steps_in_thread(*moved, self._tiles, self._active, *acting, first, end - first)
+            done = int(self._report[at.STEPS_DONE])
         else:
             for step in range(first, end):
-                self._kernels.step_in_pool(*arguments, step)
+                self._scatter(control)
+                self._kernels.update_and_move(*moved, self._active, *acting, step)
+                done += 1
                 if self._memory.get(self._report)[at.DRIFTED]:
                     break
         report = self._memory.get(self._report)
-        return int(report[at.STEPS_DONE]), bool(report[at.DRIFTED]), int(report[at.CLAMPED])
+        return done, bool(report[at.DRIFTED]), int(report[at.CLAMPED])
 
     def survey(self) -> Survey:
         """Look at every point."""

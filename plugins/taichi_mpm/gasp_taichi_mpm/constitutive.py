@@ -35,6 +35,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
     # Newton's iteration and Jacobi's: where half the square of a step, or a cosine, is below rounding.
     polar_tolerance = 1e-15 if double else 1e-7
     cosine = 1e-15 if double else 1e-7
+    sand_cosine = 1e-15 if double else 1e-10
     alone = len(kinds) == 1
     has_elastic, has_neo_hookean, has_sand, has_fluid = (kind in kinds for kind in at.KINDS)
     is_elastic, is_neo_hookean, is_sand, is_fluid = at.KINDS.values()
@@ -62,42 +63,45 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         return S
 
     @ti.func
-    def sand(F, gain, mu, lame, cone):
-        """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
-        B, V = singular_columns(F, real(cosine))
+    def sand(F_in, gain_in, mu_in, lame_in, cone_in):
+        """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017).
+
+        float64 in every precision: a rotation of the decomposition that is not quite one changes the volume by as
+        little, but at every step in the same direction, and the volume gained adds it all up.
+        """
+        F, gain = ti.cast(F_in, ti.f64), ti.cast(gain_in, ti.f64)
+        mu, lame, cone = ti.cast(mu_in, ti.f64), ti.cast(lame_in, ti.f64), ti.cast(cone_in, ti.f64)
+        B, V = singular_columns(F, ti.f64(sand_cosine))
         S = _lengths(B)
-        e = ti.log(ti.max(S, real(1e-4)))
+        e = ti.log(ti.max(S, ti.f64(1e-4)))
         G = F
-        new_gain = gain
         if ti.static(advance):
             trace = e.sum() + gain
             e += gain / 3
             if trace >= 0:
                 e = e * 0
-                new_gain = trace
+                gain = trace
             else:
-                new_gain = gain * 0
+                gain = gain * 0
                 deviator = e - trace / 3
                 size = deviator.norm()
                 excess = size + (3 * lame + 2 * mu) / (2 * mu) * trace * cone
                 if excess > 0 and size > 0:
                     e -= (excess / size) * deviator
-            stretch = ti.exp(e) / ti.max(S, real(1e-30))
+            stretch = ti.exp(e) / ti.max(S, ti.f64(1e-30))
             D = B
             for c in ti.static(range(3)):
                 for r in ti.static(range(3)):
                     D[r, c] = B[r, c] * stretch[c]
             G = D @ V.transpose()
         U = B
-        for c in ti.static(range(3)):
-            for r in ti.static(range(3)):
-                U[r, c] = B[r, c] / ti.max(S[c], real(1e-30))
-        W = U
+        W = B
         trace = e.sum()
         for c in ti.static(range(3)):
             for r in ti.static(range(3)):
+                U[r, c] = B[r, c] / ti.max(S[c], ti.f64(1e-30))
                 W[r, c] = U[r, c] * (2 * mu * e[c] + lame * trace)
-        return G, new_gain, W @ U.transpose()
+        return ti.cast(G, real), ti.cast(gain, real), ti.cast(W @ U.transpose(), real)
 
     @ti.func
     def fluid(C, s, dt, bulk, viscosity):

@@ -252,39 +252,49 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 report[at.STEPS_DONE] += 1
 
     @ti.kernel
-    def step_in_pool(
+    def clear(grid: Grid, active: Ints, control: Ints):
+        """Empty the nodes that points can reach."""
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            clear_block(grid, active, control, q)
+
+    @ti.kernel
+    def scatter_colour(x: Positions, points: Reals, grid: Grid, tiles: Ints, control: Ints, colour: ti.i32):
+        """Points to the grid, the tiles of one colour: they write disjoint nodes, each tile in order.
+
+        A launch a colour, because eight copies of the loop in one kernel take four times as long to compile.
+        """
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
+            scatter_tile(x, points, grid, tiles, control, q)
+
+    @ti.kernel
+    def scatter_atomically(x: Positions, points: Reals, grid: Grid, control: Ints):
+        """Points to the grid, a point a thread (GPU)."""
+        for p in range(control[at.POINTS]):
+            scatter(x, points, grid, control, p)
+
+    @ti.kernel
+    def update_and_move(
         x: Positions,
         points: Reals,
         labels: Ints,
         grid: Grid,
-        tiles: Ints,
         active: Ints,
         materials: Doubles,
         batch: Doubles,
         forcing: Doubles,
         control: Ints,
         report: Ints,
-        first: ti.i32,
+        step: ti.i32,
     ):
-        """One step, each loop shared out over the pool. Tiles of a colour write disjoint nodes, each tile in order."""
+        """The rest of step number `step` of the batch."""
         ti.loop_config(parallelize=pool)
         for q in range(control[at.ACTIVE]):
-            clear_block(grid, active, control, q)
-        if ti.static(on_gpu):
-            for p in range(control[at.POINTS]):
-                scatter(x, points, grid, control, p)
-        else:
-            for colour in ti.static(range(8)):
-                ti.loop_config(parallelize=pool)
-                for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
-                    scatter_tile(x, points, grid, tiles, control, q)
-        ti.loop_config(parallelize=pool)
-        for q in range(control[at.ACTIVE]):
-            update_block(grid, active, batch, forcing, control, first, q)
+            update_block(grid, active, batch, forcing, control, step, q)
         ti.loop_config(parallelize=pool)
         for p in range(control[at.POINTS]):
             move_point(x, points, labels, grid, materials, batch, control, report, p)
-        report[at.STEPS_DONE] += 1
 
     @ti.kernel
     def fold(points: Reals, labels: Ints, materials: Doubles, batch: Doubles, control: Ints):
@@ -300,19 +310,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             write9(points, o + at.FOLDED, C - dt * tau)
 
     @ti.kernel
-    def splash(x: Positions, points: Reals, grid: Grid, tiles: Ints, active: Ints, control: Ints):
-        """C of the velocity field as the grid carries it; nothing moves and nothing deforms."""
-        ti.loop_config(serialize=serial, parallelize=pool)
-        for q in range(control[at.ACTIVE]):
-            clear_block(grid, active, control, q)
-        if ti.static(on_gpu):
-            for p in range(control[at.POINTS]):
-                scatter(x, points, grid, control, p)
-        else:
-            # Once or twice in a session: not worth eight more copies of the scatter to compile.
-            ti.loop_config(serialize=True)
-            for q in range(control[at.COLOURS_AT + 8]):
-                scatter_tile(x, points, grid, tiles, control, q)
+    def learn_affine(x: Positions, points: Reals, grid: Grid, active: Ints, control: Ints):
+        """C of the velocity field that was scattered; nothing moves and nothing deforms."""
         ti.loop_config(serialize=serial, parallelize=pool)
         for q in range(control[at.ACTIVE]):
             corner = block_corner(control, active[q])
@@ -409,9 +408,12 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
 
     return SimpleNamespace(
         steps_in_thread=steps_in_thread,
-        step_in_pool=step_in_pool,
+        clear=clear,
+        scatter_colour=scatter_colour,
+        scatter_atomically=scatter_atomically,
+        update_and_move=update_and_move,
         fold=fold,
-        splash=splash,
+        learn_affine=learn_affine,
         settle=settle,
         permute=permute,
         survey=survey,

@@ -63,6 +63,8 @@ def _initialise(device: str) -> None:
             default_fp=taichi.f32,
             default_ip=taichi.i32,
             fast_math=False,
+            # Taichi's own data-flow pass takes longer than linear in a kernel's size, and LLVM does it again.
+            cfg_optimization=False,
             offline_cache=True,
             log_level=taichi.ERROR,
             cpu_max_num_threads=processors(),
