@@ -11,9 +11,10 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -29,7 +30,6 @@ from gasp_core.engine.contract import (
     Field,
     PointEngine,
     PointState,
-    Precision,
     Status,
     StepReport,
 )
@@ -42,7 +42,7 @@ from gasp_core.io import read_splat
 from gasp_core.progress import Progress, progress_for
 from gasp_core.recording import Recording
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
-from gasp_core.recording.writer import RecordingWriter
+from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, assemble, moved_gaussians
 from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
 from gasp_core.scene.placement import up_axis
@@ -170,15 +170,24 @@ def simulate(
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
             shown.say(note)
+        end = wanted if frames is None else min(frames, wanted)
         if resume and (path / "zarr.json").exists():
             writer, last, restart = RecordingWriter.resume(path, header, wanted)
+            opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
+            begun: AbstractContextManager[EngineSession | None] = nullcontext()
         else:
-            writer, last, restart = _created(path, scene, prepared, header, overwrite), -1, {}
-        try:
-            run = _Run(scene, prepared.assembly, chosen, options, writer, shown)
-            run.go(last, restart, wanted if frames is None else min(frames, wanted))
-        finally:
-            writer.close()
+            refuse_existing(path, overwrite)
+            # Opened before anything is written: what the engine refuses leaves nothing behind.
+            opening = partial(_opened, scene, prepared.assembly, chosen, options, {})
+            begun = opening() if end > 1 else nullcontext()
+            writer, last = None, -1
+        with begun as session:
+            writer = writer or _created(path, scene, prepared, header, overwrite)
+            try:
+                run = _Run(scene, prepared.assembly, chosen, writer, shown)
+                run.go(last, (lambda: session) if session is not None else opening, end)
+            finally:
+                writer.close()
     return Recording.open(path)
 
 
@@ -190,14 +199,12 @@ class _Run:
         scene: Scene,
         assembly: Assembly,
         chosen: _Engine,
-        options: Any,
         writer: RecordingWriter,
         shown: Progress,
     ) -> None:
         self._scene = scene
         self._assembly = assembly
         self._chosen = chosen
-        self._options = options
         self._writer = writer
         self._shown = shown
         self._fields = frozenset(
@@ -209,16 +216,26 @@ class _Run:
         self._checkpoint_time = time.monotonic()
         self._checkpoint_frame = -1
 
-    def go(self, last: int, restart: dict[str, Array], end: int) -> None:
-        """Frames last + 1 .. end - 1; the ending is in the recording's status, or raised as well."""
+    def go(self, last: int, opening: Callable[[], EngineSession], end: int) -> None:
+        """Frames last + 1 .. end - 1; the ending is in the recording's status, or raised as well.
+
+        Parameters
+        ----------
+        last
+            The last frame that is there already; -1 where there is none.
+        opening
+            Gives the engine's session at that frame; not called where nothing is left to do.
+        end
+            One beyond the last frame asked for.
+        """
         try:
             if last < 0:
                 self._write_start()
                 last = 0
             else:
                 self._recall_valid(last)
-            self._checkpoint_frame = last if restart else -1
-            stopped = self._advance(last, restart, end) if last + 1 < end else ""
+            self._checkpoint_frame = last or -1
+            stopped = self._advance(last, opening, end) if last + 1 < end else ""
         except EngineDivergedError as error:
             self._end("incomplete", str(error))
             raise
@@ -237,22 +254,10 @@ class _Run:
         else:
             self._end("complete", "")
 
-    def _advance(self, last: int, restart: dict[str, Array], end: int) -> str:
+    def _advance(self, last: int, opening: Callable[[], EngineSession], end: int) -> str:
         """Run the engine; why it stopped early, or nothing."""
-        scene, problem = self._scene, self._assembly.problem
-        capabilities = self._chosen.descriptor.capabilities
-        accuracy: EngineAccuracy = dataclasses.replace(scene.accuracy, spacing=self._assembly.spacing)
-        precision: Precision = scene.engine.precision or capabilities.precisions[0]
-        session = self._chosen.opened().open(
-            problem,
-            device=scene.engine.device or capabilities.devices[0],
-            precision=precision,
-            seed=scene.engine.seed,
-            accuracy=accuracy,
-            options=self._options,
-            restart=restart or None,
-        )
-        with session, _interrupt() as interrupted:
+        scene = self._scene
+        with opening() as session, _interrupt() as interrupted:
             before = session.read(self._fields)
             for frame in range(last + 1, end):
                 report = session.advance_to(scene.time_of(frame))
@@ -517,6 +522,22 @@ def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
         accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
     )
     return hashlib.sha256(scene_to_toml(deciding, absolute=False).encode()).hexdigest()
+
+
+def _opened(
+    scene: Scene, assembly: Assembly, chosen: _Engine, options: Any, restart: dict[str, Array]
+) -> EngineSession:
+    """The engine at the start, or where a checkpoint left it."""
+    capabilities = chosen.descriptor.capabilities
+    return chosen.opened().open(
+        assembly.problem,
+        device=scene.engine.device or capabilities.devices[0],
+        precision=scene.engine.precision or capabilities.precisions[0],
+        seed=scene.engine.seed,
+        accuracy=dataclasses.replace(scene.accuracy, spacing=assembly.spacing),
+        options=options,
+        restart=restart or None,
+    )
 
 
 def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overwrite: bool) -> RecordingWriter:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -13,12 +12,11 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.printing import print_json
-from gasp_core.errors import EngineDivergedError, RecordingError
 
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
 
-__all__ = ["interrupted", "nothing_of_a_failed_start", "print_outcome", "resumable", "run"]
+__all__ = ["interrupted", "print_outcome", "resumable", "run"]
 
 
 @click.command(
@@ -77,7 +75,7 @@ def run(
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
     if out is not None:
         command += ["--out", str(out)]
-    with resumable(folder, command), nothing_of_a_failed_start(folder):
+    with resumable(folder, command):
         recording = simulate(
             load_scene(scene),
             engine=engine,
@@ -115,33 +113,6 @@ def resumable(folder: Path, command: Sequence[str]) -> Generator[None]:
         if (folder / "zarr.json").exists():
             raise KeyboardInterrupt(f"stopped; the frames so far are kept, to go on: {shlex.join(command)}") from None
         raise
-
-
-@contextmanager
-def nothing_of_a_failed_start(folder: Path) -> Generator[None]:
-    """Take a recording away again where the run fails before its first step.
-
-    Frame 0 is the scene itself; a folder with nothing else in it would only be in the way of the next try.
-    """
-    existed = folder.exists()
-    try:
-        yield
-    except EngineDivergedError:
-        # Its frames are what one looks at to find out why.
-        raise
-    except Exception:
-        if not existed and (folder / "zarr.json").exists() and _frames_in(folder) <= 1:
-            shutil.rmtree(folder, ignore_errors=True)
-        raise
-
-
-def _frames_in(folder: Path) -> int:
-    from gasp_core import Recording
-
-    try:
-        return Recording.open(folder).frame_count
-    except RecordingError:
-        return 0
 
 
 def interrupted(recording: Recording) -> bool:

@@ -228,7 +228,10 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
         if stretched > _STRETCHED_SHARE * max(int(watch.elastic.sum()), 1):
             low, high = _VOLUME_RATIOS
             status = Status.NOT_CONVERGED
-            reason = f"{stretched} elastic points are at less than {low:g} or more than {high:g} times their volume"
+            reason = (
+                f"{stretched} elastic points are at less than {low:g} or more than {high:g} times their volume:"
+                " the material is too soft for its load, or the run is unstable"
+            )
     bound = _energy_bound(watch, released)
     if energy is not None and now.time <= watch.work_start and not energy <= bound:
         status = Status.ENERGY_GREW

@@ -21,7 +21,7 @@ from gasp_core.recording.layout import FORMAT, Commit, Header, commit_folder, re
 from gasp_core.recording.lock import lock
 from gasp_core.recording.reader import Recording
 
-__all__ = ["RecordingWriter", "split_displacements"]
+__all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
 
 Array = NDArray[Any]
 
@@ -74,7 +74,7 @@ class RecordingWriter:
         RecordingError
             Where something is there already, or the folder cannot be written.
         """
-        replaced = _refuse_existing(path, overwrite)
+        replaced = refuse_existing(path, overwrite)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             remove_leftovers(path)
@@ -345,7 +345,7 @@ def _read_checkpoint(folder: Path) -> dict[str, Array]:
         return {}
 
 
-def _refuse_existing(path: Path, overwrite: bool) -> bool:
+def refuse_existing(path: Path, overwrite: bool) -> bool:
     """Whether a recording is to be replaced; refuses all else that is in the way."""
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return False

@@ -266,9 +266,7 @@ class Cloud:
 
     def survey(self) -> Survey:
         """Look at every point."""
-        self._kernels.survey(
-            self._x, self._points, self._labels, self._materials, self._put_control(), self._chart
-        )
+        self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._chart)
         chart = self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH)
         stiffness = float(chart[:, at.SURVEY_STIFFNESS].max())
         return Survey(

@@ -115,7 +115,7 @@ def rotation_of(F, K, J, tolerance, cosine):
     """
     R = F
     size = F.norm_sqr() / 3
-    if J > 0 and J * J > size * size * size * 1e-6:
+    if J > 0 and size * size * size * 1e-6 < J * J:
         R = (F + K / J) * 0.5
         step = (R - F).norm_sqr()
         count = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,14 +43,27 @@ def _fill_shape(row: Array, shape: HalfSpace | BoxShape | SphereShape | None, un
 
 
 def collider_rows(colliders: tuple[Collider, ...], units: Units) -> Array:
-    """Rows (K, `layout.COLLIDER_WIDTH`)."""
-    rows = np.zeros((len(colliders), at.COLLIDER_WIDTH))
-    for row, collider in zip(rows, colliders):
-        _fill_shape(row, collider.shape, units)
-        row[8] = _CONTACT[collider.contact]
-        row[9] = collider.friction
-        row[10] = 1.0 if collider.side is Side.OUTSIDE else -1.0
+    """Rows (K, `layout.COLLIDER_WIDTH`); a container with flat sides is as many as it has sides."""
+    walls = [wall for collider in colliders for wall in _walls(collider)]
+    rows = np.zeros((len(walls), at.COLLIDER_WIDTH))
+    for row, wall in zip(rows, walls):
+        _fill_shape(row, wall.shape, units)
+        row[8] = _CONTACT[wall.contact]
+        row[9] = wall.friction
+        row[10] = 1.0 if wall.side is Side.OUTSIDE else -1.0
     return rows
+
+
+def _walls(collider: Collider) -> list[Collider]:
+    """Six half spaces for a box seen from inside: with one normal a node, matter would leak through the edges."""
+    if not (isinstance(collider.shape, BoxShape) and collider.side is Side.INSIDE):
+        return [collider]
+    center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
+    outward = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
+    return [
+        replace(collider, shape=HalfSpace(point=tuple(center + half * out), normal=tuple(-out)), side=Side.OUTSIDE)
+        for out in outward
+    ]
 
 
 def active_winds(problem: PointProblem, time: float) -> list[Wind]:
@@ -59,9 +73,7 @@ def active_winds(problem: PointProblem, time: float) -> list[Wind]:
 
 def active_drives(problem: PointProblem, time: float) -> list[Drive]:
     """Drives other than impulses that act in a step that starts at `time` [s], in the given order."""
-    return [
-        drive for drive in problem.drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end
-    ]
+    return [drive for drive in problem.drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end]
 
 
 def wind_rows(winds: list[Wind], step: float, units: Units) -> Array:

@@ -8,7 +8,7 @@ overflows nor underflows whatever the scene's size. Moving least squares MPM aft
 Positions are float64 in every precision: x += dt v in float32 loses half an ulp a step, always in the same direction.
 """
 
-from functools import lru_cache
+from functools import cache
 from types import SimpleNamespace
 
 from gasp_taichi_mpm import layout as at
@@ -35,7 +35,7 @@ def row9(table: ti.template(), start):
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool) -> SimpleNamespace:
     """Kernels for one precision and set of materials; compiled at first use.
 
@@ -114,7 +114,9 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                         grid[line + k] = grid[line + k] + w[k, 2] * (t + k * zij)
 
     @ti.func
-    def scatter_tile(x: ti.template(), points: ti.template(), grid: ti.template(), tiles: ti.template(), control: ti.template(), q):
+    def scatter_tile(
+        x: ti.template(), points: ti.template(), grid: ti.template(), tiles: ti.template(), control: ti.template(), q
+    ):
         for p in range(tiles[2 * q], tiles[2 * q + 1]):
             scatter(x, points, grid, control, p)
 
@@ -153,7 +155,17 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 table[start + 3 * r + c] = M[r, c]
 
     @ti.func
-    def move_point(x: ti.template(), points: ti.template(), labels: ti.template(), grid: ti.template(), materials: ti.template(), batch: ti.template(), control: ti.template(), report: ti.template(), p):
+    def move_point(
+        x: ti.template(),
+        points: ti.template(),
+        labels: ti.template(),
+        grid: ti.template(),
+        materials: ti.template(),
+        batch: ti.template(),
+        control: ti.template(),
+        report: ti.template(),
+        p,
+    ):
         """Grid to point, then F, the return mapping, the stress, and the affine matrix the next scatter reads."""
         v, C = gather(x, grid, control, p)
         dt = ti.cast(batch[at.STEP], real)
@@ -204,7 +216,15 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     grid[line + k] = vec4(0)
 
     @ti.func
-    def update_block(grid: ti.template(), active: ti.template(), batch: ti.template(), forcing: ti.template(), control: ti.template(), drive_set, q):
+    def update_block(
+        grid: ti.template(),
+        active: ti.template(),
+        batch: ti.template(),
+        forcing: ti.template(),
+        control: ti.template(),
+        drive_set,
+        q,
+    ):
         """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
         corner = block_corner(control, active[q])
         kick = ti.Vector([batch[at.GRAVITY], batch[at.GRAVITY + 1], batch[at.GRAVITY + 2]])
@@ -306,7 +326,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             C = row9(points, o + at.AFFINE)
             F = row9(points, o + at.DEFORMATION)
             row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-            F, gain, tau = stress_of(F, C, points[o + at.GAIN], dt, materials, row)
+            F, _, tau = stress_of(F, C, points[o + at.GAIN], dt, materials, row)
             write9(points, o + at.FOLDED, C - dt * tau)
 
     @ti.kernel
@@ -378,17 +398,21 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 place = x[p]
                 # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
                 residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (gain - gain) + (place - place).sum()
-                if not (residue == 0.0):
+                if not (residue == 0.0):  # noqa: SIM201 - NaN is neither equal nor unequal
                     bad += 1
                 else:
                     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                     J = F.determinant()
-                    squared = ti.max(F.norm_sqr() - 2.0, J * J, ti.f64(1.0))
-                    factor = 2.0 * squared - ti.sqrt(squared)
+                    # `gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
+                    scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-300)))
+                    angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
+                    stretch = ti.max(2.0 * scale * ti.cos(angle), ti.abs(J), ti.f64(1.0))
+                    factor = 2.0 * stretch * stretch - stretch
                     if ti.cast(materials[row + at.KIND], ti.i32) == ti.static(at.KINDS["fluid"]):
+                        # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
                         J = 1.0 + gain
-                        squared = ti.max(3.0 * ti.pow(J * J, 1 / ti.f64(3.0)) - 2.0, J * J, ti.f64(1.0))
-                        factor = ti.max(2.0 * squared - ti.sqrt(squared), 1.0 / (J * J * J * J * J * J * J * J))
+                        stretch = ti.max(J, ti.f64(1.0))
+                        factor = ti.max(2.0 * stretch * stretch - stretch, 1.0 / (J * J * J * J * J * J * J * J))
                     stiffness = ti.max(stiffness, factor * materials[row + at.INVERSE_BOUND])
                     speed = ti.max(speed, v.norm_sqr())
                     gradient = ti.max(gradient, C.norm_sqr())

@@ -11,6 +11,7 @@ import contextlib
 import io
 import os
 import threading
+import warnings
 from typing import Any
 
 from gasp_core.errors import EngineEnvironmentError, SceneError
@@ -25,7 +26,10 @@ def _import_quietly() -> Any:
     before = os.environ.get(_BANNER)
     os.environ[_BANNER] = "0"
     try:
-        import taichi
+        # Its sources hold invalid escape sequences, of which newer Pythons warn.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import taichi
     finally:
         if before is None:
             del os.environ[_BANNER]

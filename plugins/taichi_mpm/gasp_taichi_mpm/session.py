@@ -38,6 +38,13 @@ class _StoppedError(Exception):
         self.reason = reason
 
 
+def _farthest(positions: Array) -> str:
+    away = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
+    worst = int(np.argmax(away))
+    place = ", ".join(f"{value:.4g}" for value in positions[worst])
+    return f"point {worst} at ({place}) m is {away[worst]:.3g} m away from the others"
+
+
 class TaichiSession:
     """A session of the Taichi engine; see `gasp_core.engine.contract.EngineSession`."""
 
@@ -71,10 +78,9 @@ class TaichiSession:
                 problem, self._units, double=double, threads=threads, on_gpu=on_gpu, restart=restart
             )
         except (GridTooLargeError, FarAwayError) as error:
-            size = np.ptp(problem.points.reference_positions, axis=0).max()
             raise SceneError(
-                f"taichi-mpm: points spread over {size:.3g} m need too large a grid at spacing"
-                f" {self._units.spacing:.3g} m: raise the spacing (lower the resolution), or leave far points out"
+                f"taichi-mpm: {_farthest(problem.points.reference_positions)}, too far for a grid of spacing"
+                f" {self._units.spacing:.3g} m: raise the spacing (lower the resolution), or leave that point out"
             ) from error
         domain = problem.domain
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
@@ -115,9 +121,7 @@ class TaichiSession:
         survey = cloud.survey()
         self._judge(survey, tally, 0.0)
         while self._time < end:
-            limits = MotionLimits(
-                stress=survey.stress, speed=survey.speed, velocity_gradient=survey.velocity_gradient
-            )
+            limits = MotionLimits(stress=survey.stress, speed=survey.speed, velocity_gradient=survey.velocity_gradient)
             step = substep_size(limits, self._units.spacing, self._accuracy)
             self._refuse_too_many(step, last, tally)
             count, step = substeps_to(end - self._time, step)
@@ -125,7 +129,8 @@ class TaichiSession:
             flight = _LONGEST_BATCH if reach == 0 else min(_LONGEST_BATCH, int(0.5 * self._units.spacing / reach))
             batch = min(count, max(1, flight))
             self._batch(cloud, batch, step, tally)
-            self._time = end if batch == count else self._time + batch * step
+            if batch == count:
+                self._time = end
             survey = cloud.survey()
             self._judge(survey, tally, step)
 
@@ -141,10 +146,11 @@ class TaichiSession:
             np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
             len(drives),
         )
-        done = 0
+        done, begin = 0, self._time
         while done < count:
             steps, drifted, clamped = cloud.steps(done, count)
             done += steps
+            self._time = begin + done * step
             tally.add(steps, step, clamped)
             if drifted:
                 self._judge(cloud.survey(), tally, step)
@@ -206,13 +212,9 @@ class TaichiSession:
         )
 
     def _strayed(self, cloud: Cloud) -> str:
-        positions = cloud.positions()
-        away = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
-        worst = int(np.argmax(away))
-        place = ", ".join(f"{value:.4g}" for value in positions[worst])
         return (
-            f"the grid cannot follow point {worst} at ({place}) m, {away[worst]:.3g} m from the others, at spacing"
-            f" {self._units.spacing:.3g} m: add a floor or a domain, or use a coarser resolution"
+            f"{_farthest(cloud.positions())}, too far for a grid of spacing {self._units.spacing:.3g} m:"
+            " add a floor or a domain, or use a coarser resolution"
         )
 
     def _lost(self, step: float) -> str:
@@ -280,7 +282,9 @@ class _Tally:
     def report(self, status: Status, reason: tuple[str, ...]) -> StepReport:
         warnings = list(reason)
         if self.inverted:
-            warnings.append(f"{self.inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material")
+            warnings.append(
+                f"{self.inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material"
+            )
         if self.clamped:
             warnings.append(f"points were held at the domain's edge {self.clamped} times")
         return StepReport(
