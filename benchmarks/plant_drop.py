@@ -47,7 +47,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--engine", default="taichi-mpm")
     parser.add_argument("--resolution", type=int, default=64)
-    parser.add_argument("--youngs-modulus", type=float, default=5e4)
+    parser.add_argument("--youngs-modulus", type=float, default=2e5)
     parser.add_argument("--duration", type=float, default=2.0)
     parser.add_argument("--floaters", default="drop", choices=["drop", "still", "keep"])
     parser.add_argument("--out", type=Path)
