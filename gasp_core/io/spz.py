@@ -74,8 +74,11 @@ class _Layout:
 def turned(gaussians: Gaussians) -> Gaussians:
     """Gaussians turned by half a turn about x, (x, y, z) -> (x, -y, -z): right-down-front to right-up-back and back."""
     bases = gaussians.harmonics.shape[1]
+    # A damaged half-precision file may hold signalling NaNs, which `inspect` is to report, not arithmetic.
+    with np.errstate(invalid="ignore"):
+        means = gaussians.means * np.array([1, -1, -1], gaussians.means.dtype)
     return Gaussians(
-        means=gaussians.means * np.array([1, -1, -1], gaussians.means.dtype),
+        means=means,
         quaternions=gaussians.quaternions * np.array([1, 1, -1, -1], gaussians.quaternions.dtype),
         scales=gaussians.scales,
         opacities=gaussians.opacities,

@@ -211,7 +211,7 @@ class MapChoice:
 
     vertices: Literal[3, 4, "auto"] = "auto"
     covariance: Literal["exact", "gram_schmidt"] = "exact"
-    alpha: float = math.inf
+    alpha: float = 2.0
     edge_floor: float = 0.25
 
     def __post_init__(self) -> None:
