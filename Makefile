@@ -45,6 +45,7 @@ test: check ## Everything that has to be true, in under 15 minutes on two cores
 	@$(BIN)/python -m pytest -m "not slow"
 	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=reference-mpm
 	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm
+	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm --gasp-precision=float64
 
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each

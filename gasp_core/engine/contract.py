@@ -341,6 +341,8 @@ class EngineCapabilities:
 
     Parameters
     ----------
+    determinism
+        How far a second run agrees on the first of `devices`; on any other it is `Determinism.TOLERANCE`.
     temporal_order
         Order of convergence under joint refinement of grid and substep for smooth motion.
     """
