@@ -37,13 +37,14 @@ from gasp_core.engine.detector import Watch, inspect, watch_over
 from gasp_core.engine.options import build_options
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineDivergedError, GaspError, SceneError
+from gasp_core.games import FLATNESS, flatten
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.progress import Progress, progress_for
 from gasp_core.recording import Recording
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
-from gasp_core.reduction.assembly import Assembly, assemble, moved_gaussians
+from gasp_core.reduction.assembly import Assembly, Body, assemble, moved_gaussians
 from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject, place_object
@@ -464,6 +465,21 @@ def _drawn(objects: Sequence[PlacedObject]) -> Gaussians:
     return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
+def _flattening(body: Body) -> str:
+    """What triangles leave out of Gaussians that are not flat; nothing where they leave out nothing one could see."""
+    if body.block.vertices == 4:
+        return ""
+    lost = flatten(body.block.local).lost_share
+    thick = lost > FLATNESS**2
+    if not thick.any():
+        return ""
+    return (
+        f'object "{body.name}": {int(thick.sum())} of {len(thick)} Gaussians are not flat; a triangle does not carry'
+        f" their thinnest axis ({100 * float(np.median(lost[thick])):.1f} % of the variance in the median):"
+        " it keeps its length and stands on the triangle (vertices = 4: it moves too)"
+    )
+
+
 def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> Header:
     assembly = prepared.assembly
     ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
@@ -472,6 +488,7 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
     notes: list[str] = []
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name)
+    notes += [note for body in assembly.bodies if (note := _flattening(body))]
     return Header(
         gasp_version=_version("gasp-core"),
         scene=scene_to_toml(scene),

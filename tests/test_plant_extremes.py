@@ -65,6 +65,14 @@ def sound(run):
     return run
 
 
+def test_what_triangles_leave_out_is_said(plant):
+    run = gasp.simulate(dropped(plant), frames=1)
+    assert any("not flat" in note and "vertices = 4" in note for note in run.notes)
+    whole = dropped(plant)
+    whole = dataclasses.replace(whole, objects=(dataclasses.replace(whole.objects[0], vertices=4),))
+    assert not any("not flat" in note for note in gasp.simulate(whole, frames=1).notes)
+
+
 def test_softer_than_its_own_weight_stops_and_says_so(plant, tmp_path):
     # rho g L / E = 16: it collapses to nothing, and no elastic law holds there.
     with pytest.raises(EngineDivergedError, match="too soft for its load"):
