@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.engine.lattice import grid_node
 
 __all__ = ["grid_excess", "grid_origin", "place_name"]
 
@@ -19,27 +19,13 @@ _NODE_CAP = 2**24
 
 
 def grid_origin(problem: PointProblem, spacing: float) -> Array:
-    """A node of the grid, (3,) [m], near the cloud's lowest corner.
+    """The grid's node, (3,) [m], just below the cloud's lowest corner.
 
-    Positions are kept relative to it, so a scene 10 km from the origin is as exact as one at it. Along an axis that has
-    a plane across it, nodes lie on that plane (a floor between two layers of nodes would be felt up to a cell too
-    low); along any other a node lies at the middle of the cloud, so that the grid moves with the scene, and turns and
-    mirrors with it by quarter turns.
+    Positions are kept relative to it, so a scene 10 km from the origin is as exact as one at it.
     """
+    node = grid_node(problem, spacing)
     corner = problem.points.reference_positions.min(axis=0)
-    middle = (corner + problem.points.reference_positions.max(axis=0)) / 2
-    origin = middle - spacing * np.ceil((middle - corner) / spacing)
-    aligned: set[int] = set()
-    for collider in problem.colliders:
-        if not isinstance(collider.shape, HalfSpace):
-            continue
-        normal = np.abs(collider.shape.normal)
-        axis = int(normal.argmax())
-        if normal[axis] == 1.0 and axis not in aligned:
-            aligned.add(axis)
-            plane = collider.shape.point[axis]
-            origin[axis] = plane + spacing * np.floor((corner[axis] - plane) / spacing)
-    return origin
+    return node + spacing * np.floor((corner - node) / spacing)
 
 
 def grid_excess(places: Array, spacing: float) -> str | None:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.lattice import grid_node
 from gasp_core.engine.materials import Fluid, Sand
-from gasp_core.engine.shapes import HalfSpace
 from gasp_core.engine.stability import rest_bound
 from gasp_taichi_mpm import layout as at
 
@@ -38,8 +38,7 @@ class Units:
     mass
         Unit of mass [kg].
     anchor : (3,) [m]
-        A node of the grid: on an axis with a plane collider across it, in that plane; else in the middle
-        of the cloud's bounding box, so that a turned or mirrored cloud sits in its cells as the original does.
+        A node of the grid (`gasp_core.engine.lattice.grid_node`).
     """
 
     spacing: float
@@ -52,15 +51,7 @@ class Units:
         """Units for a problem on a grid of the given spacing [m]."""
         used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
         time = min(rest_bound(material, spacing) for material in used)
-        positions = problem.points.reference_positions
-        anchor = (positions.min(axis=0) + positions.max(axis=0)) / 2
-        for axis in range(3):
-            for collider in problem.colliders:
-                shape = collider.shape
-                if isinstance(shape, HalfSpace) and math.isclose(abs(shape.normal[axis]), 1.0, abs_tol=1e-12):
-                    anchor[axis] = shape.point[axis]
-                    break
-        return cls(spacing=spacing, time=time, mass=float(problem.masses.mean()), anchor=anchor)
+        return cls(spacing=spacing, time=time, mass=float(problem.masses.mean()), anchor=grid_node(problem, spacing))
 
     @property
     def speed(self) -> float:

@@ -41,7 +41,8 @@ def test_soft_to_stiff(kit, modulus, poissons_ratio):
     assert np.isfinite(state.deformation_gradients).all()
     # Contact acts at nodes: no point passes more than one cell below the floor.
     assert positions[:, 2].min() >= -0.1
-    released = 0.5 * 1.0**2 + 9.81 * 0.05
+    # What the start brought and gravity released, by how far the block has really fallen.
+    released = 0.5 * 1.0**2 + 9.81 * (kit.block(0.4, corner=(0, 0, 0.01)) - positions)[:, 2].mean()
     assert 0.5 * (state.velocities**2).sum(axis=1).mean() <= 1.02 * released
 
 
