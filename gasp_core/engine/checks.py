@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 
-__all__ = ["finite", "finite_vector", "frozen_array", "negative_or_zero_refused", "unit_vector"]
+__all__ = ["finite", "finite_vector", "frozen_array", "positive", "unit_vector"]
 
 Vector = tuple[float, float, float]
 
@@ -30,7 +30,7 @@ def finite(owner: object, name: str, *, low: float = -math.inf, high: float = ma
         raise SceneError(f"{where} must be {bounds}, found {value!r}")
 
 
-def negative_or_zero_refused(owner: object, *names: str) -> None:
+def positive(owner: object, *names: str) -> None:
     """Refuse numbers that are not > 0."""
     for name in names:
         finite(owner, name, low=0.0, open_low=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gasp_core.engine.checks import finite, negative_or_zero_refused
+from gasp_core.engine.checks import finite, positive
 from gasp_core.errors import SceneError
 
 __all__ = [
@@ -41,7 +41,7 @@ class Material:
     density: float
 
     def __post_init__(self) -> None:
-        negative_or_zero_refused(self, "density")
+        positive(self, "density")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class _Solid(Material):
 
     def __post_init__(self) -> None:
         Material.__post_init__(self)
-        negative_or_zero_refused(self, "youngs_modulus")
+        positive(self, "youngs_modulus")
         finite(self, "poissons_ratio", low=-1.0)
         # lambda = E nu / ((1 + nu)(1 - 2 nu)) is infinite at 1/2 and mu at -1.
         if not -1.0 < self.poissons_ratio < 0.5:
@@ -128,7 +128,7 @@ class Fluid(Material):
 
     def __post_init__(self) -> None:
         Material.__post_init__(self)
-        negative_or_zero_refused(self, "bulk_modulus")
+        positive(self, "bulk_modulus")
         finite(self, "viscosity", low=0.0)
 
 
@@ -158,7 +158,7 @@ class Metal(_Solid):
 
     def __post_init__(self) -> None:
         _Solid.__post_init__(self)
-        negative_or_zero_refused(self, "yield_stress")
+        positive(self, "yield_stress")
         finite(self, "hardening", low=0.0)
 
 
@@ -171,7 +171,7 @@ class Plasticine(_Solid):
 
     def __post_init__(self) -> None:
         _Solid.__post_init__(self)
-        negative_or_zero_refused(self, "yield_stress")
+        positive(self, "yield_stress")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +184,7 @@ class Foam(_Solid):
 
     def __post_init__(self) -> None:
         _Solid.__post_init__(self)
-        negative_or_zero_refused(self, "yield_stress")
+        positive(self, "yield_stress")
         finite(self, "plastic_viscosity", low=0.0)
 
 

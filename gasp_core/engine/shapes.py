@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.checks import finite_vector, negative_or_zero_refused, unit_vector
+from gasp_core.engine.checks import finite_vector, positive, unit_vector
 from gasp_core.errors import SceneError
 
 __all__ = ["SHAPES", "BoxShape", "HalfSpace", "Shape", "SphereShape", "Vector"]
@@ -96,7 +96,7 @@ class SphereShape:
 
     def __post_init__(self) -> None:
         finite_vector(self, "center")
-        negative_or_zero_refused(self, "radius")
+        positive(self, "radius")
 
     def signed_distance(self, positions: Array) -> Array:
         """Distance to the sphere."""
