@@ -85,10 +85,6 @@ class Table:
             self.required(key, "a number")
         return _number(self, key, self.values.get(key, default))
 
-    def optional_number(self, key: str) -> float | None:
-        """A number, or None where the key is left out."""
-        return self.number(key) if key in self.values else None
-
     def text(self, key: str, default: str | None = None) -> str:
         """A text; without a default the key is required."""
         if default is None:

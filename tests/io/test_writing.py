@@ -4,6 +4,9 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,12 +63,33 @@ def test_refusals_of_the_system_are_one_line(some, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.ply"]
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the superuser may write anywhere")
-def test_an_unwritable_folder(some, tmp_path):
-    folder = tmp_path / "locked"
-    folder.mkdir(mode=0o555)
-    with pytest.raises(SplatFormatError, match="cannot be written: Permission denied"):
-        write_splat(folder / "a.ply", some())
+@contextmanager
+def nobody_special():
+    """The superuser may write anywhere: for the while of the test be somebody else."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs the owners and modes of POSIX")
+def test_an_unwritable_folder(some):
+    # Not under tmp_path, which is locked to others as a whole.
+    with tempfile.TemporaryDirectory() as parent:
+        Path(parent).chmod(0o755)
+        folder = Path(parent) / "locked"
+        folder.mkdir()
+        splat = some()
+        write_splat(folder / "first.ply", splat)
+        folder.chmod(0o555)
+        with nobody_special(), pytest.raises(SplatFormatError, match="cannot be written: Permission denied"):
+            write_splat(folder / "a.ply", splat)
+        assert [path.name for path in folder.iterdir()] == ["first.ply"]
+        folder.chmod(0o755)
 
 
 @pytest.mark.parametrize("name", ["a.sog", "a.obj", "a", "a.compressed.ply", "a.ksplat"])

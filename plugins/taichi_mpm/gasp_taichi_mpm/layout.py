@@ -55,7 +55,6 @@ PLANE = 0
 BOX = 1
 SPHERE = 2
 EVERYWHERE = 3
-SHAPE_WIDTH = 8
 
 # A collider: shape, contact, friction, side.
 STICK = 0
