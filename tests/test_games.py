@@ -119,8 +119,8 @@ def test_float32_engine_needs_magnified_edges(vertices):
     bare = games.from_simplices(through_float32(simplices), reference=gaussians)
     # Coordinates below 1 are known to 6e-8/2, an edge of `floor` to 6e-8 sqrt(3) of 8e-3: 1.3e-5, its square to 2.7e-5.
     assert relative_errors(carried.covariances(), gaussians.covariances()).max() <= 1e-3
-    # Both ends of an edge are off by 1.7e-8 (rms of rounding at 6e-8): the edge by 4e-8, a covariance of edges under 3e-5
-    # by twice 4e-8 / 3e-5, above 1e-3. Of scales spread evenly over 1e-6..1e-2 a share of .369 is below 3e-5.
+    # Both ends of an edge are off by 1.7e-8 (rms of rounding at 6e-8): the edge by 4e-8, a covariance of edges under
+    # 3e-5 by twice 4e-8 over 3e-5, above 1e-3. Of scales spread evenly over 1e-6..1e-2 a share of .369 is below 3e-5.
     hurt = np.log10(3e-5 / 1e-6) / 4
     assert (relative_errors(bare.covariances(), gaussians.covariances()) > 1e-3).mean() >= hurt ** (vertices - 1)
 
