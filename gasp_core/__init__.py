@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gasp_core.io import read_splat, write_splat
     from gasp_core.recording import Recording
     from gasp_core.scene import (
+        CameraChoice,
         EngineChoice,
         Floaters,
         MapChoice,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BoxShape",
+    "CameraChoice",
     "Collider",
     "ContactCondition",
     "Domain",
@@ -100,7 +102,8 @@ _HOMES = {
     "gasp_core.io": "read_splat write_splat",
     "gasp_core.recording": "Recording",
     "gasp_core.scene": (
-        "EngineChoice Floaters MapChoice RecordingChoice Reduction Scene SplatObject load_scene scene_to_toml"
+        "CameraChoice EngineChoice Floaters MapChoice RecordingChoice Reduction Scene SplatObject load_scene"
+        " scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
 }

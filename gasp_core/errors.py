@@ -21,6 +21,7 @@ __all__ = [
     "GaspError",
     "PluginLoadError",
     "RecordingError",
+    "RenderingError",
     "SceneError",
     "SplatFormatError",
     "UnknownEngineError",
@@ -85,3 +86,7 @@ class EngineEnvironmentError(GaspError):
 
 class RecordingError(GaspError):
     """A recording cannot be opened, continued or written."""
+
+
+class RenderingError(GaspError):
+    """A picture or film cannot be made, or pictures cannot be compared."""

@@ -37,6 +37,7 @@ __all__ = [
     "from_simplices",
     "invert_simplices",
     "magnify",
+    "matter_rotations",
     "polar_rotations",
     "to_simplices",
 ]
@@ -250,6 +251,23 @@ def polar_rotations(matrices: Array) -> Array:
     return rotations
 
 
+def matter_rotations(simplices: Array, reference: Gaussians, degenerate: Array) -> Array:
+    """How far the matter of each Gaussian has turned, (N, 3, 3): the polar rotation of its deformation gradient.
+
+    Parameters
+    ----------
+    simplices : (N, 3 | 4, 3)
+        Moved simplices, not magnified.
+    reference
+        The Gaussians at rest.
+    degenerate : (N,) bool
+        Simplices that give no frame; theirs is the identity.
+    """
+    gradients = deformation_gradients(simplices, reference)
+    gradients[degenerate] = np.eye(3)
+    return polar_rotations(gradients)
+
+
 def invert_simplices(
     simplices: ArrayLike,
     *,
@@ -308,9 +326,7 @@ def invert_simplices(
     means[lost] = (reference if previous is None else previous).means[lost]
     harmonics = reference.harmonics
     if reference.sh_degree > 0:
-        gradients = deformation_gradients(moved, reference)
-        gradients[degenerate] = np.eye(3)
-        harmonics = turn_coefficients(harmonics, polar_rotations(gradients))
+        harmonics = turn_coefficients(harmonics, matter_rotations(moved, reference, degenerate))
     gaussians = Gaussians(
         means=means, quaternions=quaternions, scales=scales, opacities=reference.opacities, harmonics=harmonics
     )

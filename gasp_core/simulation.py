@@ -339,11 +339,11 @@ class _Run:
         degenerate: list[Array] = []
         clipped = 0
         for body, valid in zip(self._assembly.bodies, self._last_valid):
-            inverted, cut = moved_gaussians(body, relative[body.points], maps, colour=False)
-            lost = np.flatnonzero(inverted.degenerate)
-            valid[~inverted.degenerate] = frame
+            moved = moved_gaussians(body, relative[body.points], maps)
+            lost = np.flatnonzero(moved.degenerate)
+            valid[~moved.degenerate] = frame
             degenerate.append(np.stack([lost, valid[lost]], axis=1))
-            clipped += int(cut.sum())
+            clipped += int(moved.clipped.sum())
         return degenerate, clipped
 
     def _recall_valid(self, frame: int) -> None:
@@ -503,6 +503,11 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
                 last=int(ends[index + 1]),
                 splat_digest=digest,
                 set_aside=dataclasses.asdict(placed.set_aside),
+                placement={
+                    "rotation": placed.placement.rotation.tolist(),
+                    "scale": placed.placement.scale,
+                    "translation": placed.placement.translation.tolist(),
+                },
             )
             for index, (placed, digest) in enumerate(zip(prepared.objects, prepared.digests))
         ),
@@ -536,6 +541,7 @@ def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
         objects=objects,
         engine=EngineChoice(),  # compared by itself, so that one can say what differs
         recording=RecordingChoice(),
+        camera=None,
         accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
     )
     return hashlib.sha256(scene_to_toml(deciding, absolute=False).encode()).hexdigest()

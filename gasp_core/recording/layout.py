@@ -63,13 +63,18 @@ class EngineRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectEntry:
-    """An object of the scene: its rows of the drawn Gaussians, its source and what was set aside."""
+    """An object of the scene: its rows of the drawn Gaussians, its source and what was set aside.
+
+    `placement` has the fields of `Placement`: world = scale * rotation @ file + translation. None in recordings made
+    before that was kept.
+    """
 
     name: str
     first: int
     last: int
     splat_digest: str
     set_aside: Mapping[str, Any]
+    placement: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

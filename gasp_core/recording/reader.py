@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from gasp_core.errors import RecordingError
 from gasp_core.games import to_simplices
 from gasp_core.gaussians import Gaussians
+from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
 from gasp_core.recording.lock import locked
 from gasp_core.reduction.all_vertices import block_of
-from gasp_core.reduction.assembly import Body, moved_gaussians, moved_simplices
+from gasp_core.reduction.assembly import Body, matter_turns, moved_gaussians, moved_simplices
 from gasp_core.scene.loading import read_scene
 from gasp_core.scene.model import Scene
+from gasp_core.scene.placement import Placement
+from gasp_core.splats import Splats
 
 __all__ = ["Recording", "RecordingStatus"]
 
@@ -127,6 +130,29 @@ class Recording:
         names = [field.name for field in dataclasses.fields(Gaussians)]
         return Gaussians(**{name: self._array(f"reference/{name}") for name in names})
 
+    def placement(self, name: str) -> Placement:
+        """How an object's file was put into the world.
+
+        Raises
+        ------
+        RecordingError
+            Where there is no such object, or the recording is too old to know.
+        """
+        for item in self.header.objects:
+            if item.name == name:
+                if item.placement is None:
+                    raise RecordingError(
+                        f"{self.path}: does not say how its objects were placed, it is too old: run it anew"
+                    )
+                values = item.placement
+                return Placement(
+                    rotation=np.array(values["rotation"], dtype=np.float64),
+                    scale=float(values["scale"]),
+                    translation=np.array(values["translation"], dtype=np.float64),
+                )
+        names = ", ".join(item.name for item in self.header.objects)
+        raise RecordingError(f'{self.path}: has no object "{name}", its objects are {names}')
+
     @cached_property
     def moving(self) -> Array:
         """Mask (N,) of the Gaussians that are simulated."""
@@ -218,22 +244,32 @@ class Recording:
 
         Means, quaternions and scales are float64; harmonics are turned with the matter.
         """
+        moved, turns = self._moved(frame)
+        return moved if turns is None else moved.with_(harmonics=turn_coefficients(moved.harmonics, turns))
+
+    def splats(self, frame: int) -> Splats:
+        """The same for drawing: harmonics as at rest, and the turns of the matter beside them."""
+        moved, turns = self._moved(frame)
+        return dataclasses.replace(Splats.of(moved), turns=turns)
+
+    def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:
+        """The whole scene at a frame, harmonics not turned, and the turns; None where colour is the same all round."""
         commit = self.commit(frame)
         relative = self._frame_array("displacements", commit)
         reference, maps = self.reference, self.scene.maps
         means = reference.means.astype(np.float64)
         quaternions = reference.quaternions.astype(np.float64)
         scales = reference.scales.astype(np.float64)
-        harmonics = np.array(reference.harmonics)
+        turns = np.tile(np.eye(3), (len(reference), 1, 1)) if reference.sh_degree > 0 else None
         for index, (body, shift) in enumerate(zip(self.bodies, commit.body_displacements)):
             previous = self._previous(index, commit)
-            inverted, _ = moved_gaussians(body, relative[body.points], maps, previous=previous)
-            moved = inverted.gaussians
-            means[body.rows] = moved.means + (body.block.centre + np.asarray(shift))
-            quaternions[body.rows] = moved.quaternions
-            scales[body.rows] = moved.scales
-            harmonics[body.rows] = moved.harmonics
-        return reference.with_(means=means, quaternions=quaternions, scales=scales, harmonics=harmonics)
+            moved = moved_gaussians(body, relative[body.points], maps, previous=previous)
+            means[body.rows] = moved.gaussians.means + (body.block.centre + np.asarray(shift))
+            quaternions[body.rows] = moved.gaussians.quaternions
+            scales[body.rows] = moved.gaussians.scales
+            if turns is not None:
+                turns[body.rows] = matter_turns(body, moved)
+        return reference.with_(means=means, quaternions=quaternions, scales=scales), turns
 
     def _previous(self, index: int, commit: Commit) -> Gaussians | None:
         """The body's Gaussians with the last valid frames of those that have none in this one; None if all have."""
@@ -252,9 +288,9 @@ class Recording:
             part = dataclasses.replace(body, rows=body.rows[rows], block=block, factors=body.factors[rows])
             relative, _ = self.displacements(int(last))
             shaped = relative[body.points].reshape(body.block.rest.shape)[rows]
-            inverted, _ = moved_gaussians(part, shaped.reshape(-1, 3), self.scene.maps, colour=False)
-            quaternions[rows] = inverted.gaussians.quaternions
-            scales[rows] = inverted.gaussians.scales
+            shapes = moved_gaussians(part, shaped.reshape(-1, 3), self.scene.maps).gaussians
+            quaternions[rows] = shapes.quaternions
+            scales[rows] = shapes.scales
         return local.with_(quaternions=quaternions, scales=scales)
 
     @cached_property

@@ -13,13 +13,13 @@ from gasp_core.control import control
 from gasp_core.engine.contract import PointCloud, PointProblem
 from gasp_core.engine.materials import Material
 from gasp_core.errors import SceneError
-from gasp_core.games import InvertedSimplices, demagnify, invert_simplices
+from gasp_core.games import demagnify, invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, cell_volumes, magnification_of, rigid_velocities
 from gasp_core.scene.model import MapChoice, Scene
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["Assembly", "Body", "assemble", "moved_gaussians", "moved_simplices"]
+__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "matter_turns", "moved_gaussians", "moved_simplices"]
 
 Array = NDArray[Any]
 
@@ -66,6 +66,28 @@ class Assembly:
     problem: PointProblem
     spacing: float
     bodies: tuple[Body, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovedGaussians:
+    """T^-1 of a body's displaced points.
+
+    Parameters
+    ----------
+    gaussians
+        Means about the block's centre; the harmonics are those at rest, not turned.
+    degenerate : (N,) bool
+        Where a simplex gives no frame.
+    clipped : (N,) bool
+        Where the control rule bounded a stretch.
+    simplices : (N, V, 3) [m]
+        What was inverted, about the block's centre.
+    """
+
+    gaussians: Gaussians
+    degenerate: Array
+    clipped: Array
+    simplices: Array
 
 
 def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
@@ -161,9 +183,9 @@ def moved_simplices(body: Body, displacements: Array) -> Array:
 
 
 def moved_gaussians(
-    body: Body, displacements: Array, maps: MapChoice, *, colour: bool = True, previous: Gaussians | None = None
-) -> tuple[InvertedSimplices, Array]:
-    """T^-1 of a body's displaced points, means about the block's centre, and the mask (N,) of clipped simplices.
+    body: Body, displacements: Array, maps: MapChoice, *, previous: Gaussians | None = None
+) -> MovedGaussians:
+    """Control rule and T^-1 of a body's displaced points.
 
     Parameters
     ----------
@@ -173,16 +195,22 @@ def moved_gaussians(
         From the positions at the start, less any common translation.
     maps
         Which inverse and which bound.
-    colour
-        False leaves all but the constant harmonics out, where only shapes are asked for.
     previous
         Source of the frames of simplices that have none.
     """
     reference = body.block.local
-    if not colour:
-        reference = reference.with_(harmonics=reference.harmonics[:, :1])
     simplices, clipped = control(moved_simplices(body, displacements), reference, maps.alpha, maps.covariance)
-    return (
-        invert_simplices(simplices, reference=reference, covariance=maps.covariance, previous=previous),
-        clipped,
+    # Constant colour has nothing to turn: T^-1 is then about shapes alone.
+    plain = reference.with_(harmonics=reference.harmonics[:, :1])
+    inverted = invert_simplices(simplices, reference=plain, covariance=maps.covariance, previous=previous)
+    return MovedGaussians(
+        gaussians=inverted.gaussians.with_(harmonics=reference.harmonics),
+        degenerate=inverted.degenerate,
+        clipped=clipped,
+        simplices=simplices,
     )
+
+
+def matter_turns(body: Body, moved: MovedGaussians) -> Array:
+    """How far the matter of each of a body's Gaussians has turned since the start, rotations (N, 3, 3)."""
+    return matter_rotations(moved.simplices, body.block.local, moved.degenerate)

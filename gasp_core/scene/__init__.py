@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import (
+    CameraChoice,
     EngineChoice,
     Floaters,
     MapChoice,
@@ -15,6 +16,7 @@ from gasp_core.scene.model import (
 from gasp_core.scene.writing import scene_to_toml
 
 __all__ = [
+    "CameraChoice",
     "EngineChoice",
     "Floaters",
     "MapChoice",

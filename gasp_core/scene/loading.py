@@ -13,6 +13,7 @@ from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.errors import SceneError
 from gasp_core.scene.model import (
     UP_AXES,
+    CameraChoice,
     EngineChoice,
     Floaters,
     MapChoice,
@@ -28,7 +29,7 @@ __all__ = ["load_scene", "read_scene"]
 AnyShape = HalfSpace | BoxShape | SphereShape
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
-_TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording")
+_TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
     "angular_velocity", "reduction", "min_opacity", "region", "floaters", "vertices",
@@ -105,13 +106,14 @@ def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
             "accuracy": accuracy.build(EngineAccuracy),
             "maps": top.table("maps").build(MapChoice),
             "recording": top.table("recording").build(RecordingChoice),
+            "camera": _read_camera(top.table("camera"), folder) if top.has("camera") else None,
         },
     )
 
 
 def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
-    values: dict[str, Any] = {"name": table.text("name"), "splat": _splat_path(table, folder)}
+    values: dict[str, Any] = {"name": table.text("name"), "splat": _path(table, "splat", folder)}
     if table.has("material"):
         values["material"] = _read_material(table.table("material"))
     for key in ("height", "metres_per_unit"):
@@ -136,14 +138,14 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     return table.make(SplatObject, values)
 
 
-def _splat_path(table: Table, folder: Path | None) -> Path:
-    text = table.text("splat")
+def _path(table: Table, key: str, folder: Path | None) -> Path:
+    text = table.text(key)
     if folder is None:
         return Path(text)
     path = Path(text).expanduser()
     path = path if path.is_absolute() else folder / path
     if not path.exists():
-        table.fail("splat", f"no such file: {path} (relative paths start at the scene file)")
+        table.fail(key, f"no such file: {path} (relative paths start at the scene file)")
     return path
 
 
@@ -207,6 +209,13 @@ def _read_drive(table: Table) -> Drive:
 def _read_wind(table: Table) -> Wind:
     region = _read_shape(table.table("region")) if table.has("region") else None
     return table.build(Wind, region=region)
+
+
+def _read_camera(table: Table, folder: Path | None) -> CameraChoice:
+    given: dict[str, Any] = {}
+    if table.has("file"):
+        given["file"] = _path(table, "file", folder)
+    return table.build(CameraChoice, **given)
 
 
 def _read_engine(table: Table) -> EngineChoice:

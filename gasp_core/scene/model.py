@@ -18,6 +18,7 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 
 __all__ = [
+    "CameraChoice",
     "EngineChoice",
     "Floaters",
     "MapChoice",
@@ -249,6 +250,53 @@ class RecordingChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CameraChoice:
+    """From where a scene is shown; it decides nothing about the simulation.
+
+    Parameters
+    ----------
+    position, target
+        Of the eye, and what it looks at [m]; both or none.
+    field_of_view
+        Vertical, of that camera [degrees].
+    file
+        A cameras.json of 3DGS or a NeRF-style transforms.json instead.
+    view
+        Of that file: number from 0, or name of the picture.
+    object
+        In whose splat's frame the file's cameras are; None: the first object's.
+
+    Raises
+    ------
+    SceneError
+        Where it says both, neither, or something impossible.
+    """
+
+    position: Vector | None = None
+    target: Vector | None = None
+    field_of_view: float = 40.0
+    file: Path | None = None
+    view: int | str = 0
+    object: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.position is None) != (self.target is None):
+            raise SceneError("CameraChoice.position and target belong together: give both")
+        if (self.position is None) == (self.file is None):
+            raise SceneError("CameraChoice.position (and target), or file: give one of them")
+        if isinstance(self.file, str):
+            object.__setattr__(self, "file", Path(self.file))
+        if self.position is not None:
+            finite_vector(self, "position")
+            finite_vector(self, "target")
+            if self.position == self.target:
+                raise SceneError(f"CameraChoice.target must not be the position, found {self.target!r}")
+        finite(self, "field_of_view", low=0.0, open_low=True, high=179.0)
+        if isinstance(self.view, bool) or (isinstance(self.view, int) and self.view < 0):
+            raise SceneError(f"CameraChoice.view must be a number from 0 or a name, found {self.view!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """Everything a simulation needs.
 
@@ -266,6 +314,8 @@ class Scene:
         What acts on the matter.
     engine, accuracy, maps, recording
         How it is computed and kept.
+    camera
+        From where it is shown; None: from where all of the motion is seen.
 
     Raises
     ------
@@ -285,6 +335,7 @@ class Scene:
     accuracy: EngineAccuracy = field(default_factory=EngineAccuracy)
     maps: MapChoice = field(default_factory=MapChoice)
     recording: RecordingChoice = field(default_factory=RecordingChoice)
+    camera: CameraChoice | None = None
 
     def __post_init__(self) -> None:
         finite(self, "duration", low=0.0, open_low=True)
@@ -299,6 +350,10 @@ class Scene:
             if item.name in seen:
                 raise SceneError(f'Scene.objects has two objects named "{item.name}": give each a name of its own')
             seen.add(item.name)
+        if self.camera is not None and self.camera.object is not None and self.camera.object not in seen:
+            raise SceneError(
+                f'Scene.camera is in the frame of the object "{self.camera.object}", which the scene does not have'
+            )
         if self.frame_count > 10_000_000:
             raise SceneError(
                 f"Scene.duration {self.duration:g} s at {self.frame_rate:g} frames a second makes {self.frame_count}"

@@ -12,7 +12,7 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.floaters import floating
 from gasp_core.scene.model import Floaters, SplatObject
-from gasp_core.scene.placement import place, placement_of
+from gasp_core.scene.placement import Placement, place, placement_of
 
 __all__ = ["PlacedObject", "SetAside", "place_object"]
 
@@ -90,6 +90,8 @@ class PlacedObject:
         Mask of those that float apart from the rest: they count neither for the size nor for the resolution.
     rows : (N,)
         Their rows in the file.
+    placement
+        How they came from the file's frame into the world.
     set_aside
         What is not simulated, and why.
     """
@@ -99,6 +101,7 @@ class PlacedObject:
     moving: Array
     floating: Array
     rows: Array
+    placement: Placement
     set_aside: SetAside
 
 
@@ -157,7 +160,15 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
         outside_region=int(outside.sum()),
         first_non_finite=tuple(int(row) for row in np.flatnonzero(~finite)[:5]),
     )
-    return PlacedObject(item=item, gaussians=placed, moving=moving, floating=floats, rows=rows, set_aside=set_aside)
+    return PlacedObject(
+        item=item,
+        gaussians=placed,
+        moving=moving,
+        floating=floats,
+        rows=rows,
+        placement=placement,
+        set_aside=set_aside,
+    )
 
 
 def _finite_rows(gaussians: Gaussians) -> Array:

@@ -51,6 +51,11 @@ def scene_to_toml(scene: Scene, *, absolute: bool = True) -> str:
         lines += ["", "[domain]", *_entries(_fields(scene.domain))]
     for name in ("engine", "accuracy", "maps", "recording"):
         lines += ["", f"[{name}]", *_entries(_fields(getattr(scene, name)))]
+    if scene.camera is not None:
+        values = _fields(scene.camera)
+        if absolute and scene.camera.file is not None:
+            values["file"] = str(scene.camera.file.absolute())
+        lines += ["", "[camera]", *_entries(values)]
     return "\n".join(lines) + "\n"
 
 

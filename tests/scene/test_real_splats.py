@@ -82,7 +82,7 @@ def test_what_a_float32_engine_holds_at_the_start_is_the_file(name, data, scene_
         options=None,
     ) as session:
         positions = session.read(frozenset({Field.POSITIONS})).positions
-    moved, _ = moved_gaussians(body, positions - assembly.problem.points.reference_positions, scene.maps)
+    moved = moved_gaussians(body, positions - assembly.problem.points.reference_positions, scene.maps)
     extent = np.ptp(splat.means, axis=0).max()
     assert (
         np.abs(moved.gaussians.means + body.block.centre - splat.means[prepared.objects[0].rows]).max() <= 1e-6 * extent

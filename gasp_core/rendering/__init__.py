@@ -1,0 +1,1 @@
+"""Pictures of splats: cameras, scenery, films; the renderers themselves are plugins."""

@@ -1,0 +1,82 @@
+"""What a renderer of splats is: the hook `gasp_splat_renderers` offers them, `SplatRenderer` is what their factory makes.
+
+The image model is that of 3DGS (Kerbl et al. 2023, 10.1145/3592433), stated here so that renderers agree:
+
+- EWA projection (Zwicker et al. 2001): covariance J R Sigma R^T J^T + 0.3 px^2 I, J the Jacobian of the perspective
+  division at the mean, whose x/z and y/z are clamped to 0.3 half-images beyond the edges;
+- a Gaussian nearer than `Camera.near` along the axis of view is not drawn;
+- alpha = min(0.999, opacity exp(-d^2 / 2)) at pixel centres; below 1/255 it is 0;
+- colour max(0, 0.5 + harmonics(R^T d)), d the unit direction from the eye to the mean, R the matter's turn;
+- front to back in the order of the means' depths, weights w_i = alpha_i prod_{j < i} (1 - alpha_j).
+
+Colours are display values, as splats are trained on: no gamma anywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.rendering.camera import Camera
+from gasp_core.splats import Splats
+
+__all__ = ["ALPHA_FLOOR", "ALPHA_LIMIT", "LOW_PASS", "Picture", "SplatRenderer"]
+
+Array = NDArray[Any]
+
+LOW_PASS = 0.3
+"""Variance [px^2] added to every projected Gaussian, so that none falls between pixels."""
+ALPHA_LIMIT = 0.999
+"""Largest alpha of one Gaussian at one pixel."""
+ALPHA_FLOOR = 1 / 255
+"""Below this alpha a Gaussian leaves a pixel alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A picture with transparency.
+
+    Parameters
+    ----------
+    colour : (H, W, 3) float32
+        Sum of w_i c_i: premultiplied by alpha. May exceed 1.
+    alpha : (H, W) float32
+        Sum of w_i, 0..1.
+    depth : (H, W) float32
+        Mean depth along the axis of view, sum w_i z_i / sum w_i, in the world's unit; inf where alpha is 0.
+    """
+
+    colour: Array
+    alpha: Array
+    depth: Array
+
+    def over(self, background: Array) -> Array:
+        """The picture (H, W, 3) float32 over an opaque background: one colour (3,) or an image (H, W, 3)."""
+        return self.colour + (1 - self.alpha[:, :, None]) * np.asarray(background, dtype=np.float32)
+
+
+class SplatRenderer(Protocol):
+    """Draws splats; made once, used for many pictures, from one thread at a time."""
+
+    def render(self, splats: Splats, camera: Camera, *, occluders: Array | None = None) -> Picture:
+        """Draw splats on a transparent ground.
+
+        Parameters
+        ----------
+        splats
+            Any number, zero too.
+        camera
+            From where, and how large.
+        occluders : (H, W)
+            Depth along the axis of view at which something opaque stands in each pixel, inf where nothing does: what
+            is behind it is not drawn there. A Gaussian is where its mean is.
+
+        Raises
+        ------
+        RenderingError
+            Where splats are not finite, or the picture does not fit in memory.
+        """
+        ...
