@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
     from gasp_core.io import read_splat, write_splat
     from gasp_core.recording import Recording
+    from gasp_core.rendering.filming import render
     from gasp_core.scene import (
         CameraChoice,
         EngineChoice,
@@ -87,6 +88,7 @@ __all__ = [
     "Wind",
     "load_scene",
     "read_splat",
+    "render",
     "scene_to_toml",
     "simulate",
     "write_splat",
@@ -101,6 +103,7 @@ _HOMES = {
     "gasp_core.gaussians": "Gaussians",
     "gasp_core.io": "read_splat write_splat",
     "gasp_core.recording": "Recording",
+    "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "CameraChoice EngineChoice Floaters MapChoice RecordingChoice Reduction Scene SplatObject load_scene"
         " scene_to_toml"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["Progress", "progress_for"]
+__all__ = ["Progress", "counting", "progress_for"]
 
 
 class Progress:
@@ -67,3 +67,26 @@ def progress_for(shown: bool | None, frames: int) -> Generator[Progress]:
     )
     with Bar(*columns, console=Console(stderr=True)) as bar:
         yield _Bar(bar, bar.add_task("", total=max(frames - 1, 1), substep=""))
+
+
+@contextmanager
+def counting(shown: bool | None, what: str, total: int) -> Generator[Callable[[], None]]:
+    """A bar for `total` like steps, and a function to call after each; shown as in `progress_for`."""
+    if shown is False or (shown is None and not sys.stderr.isatty()):
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        MofNCompleteColumn(),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda: bar.advance(task)

@@ -116,6 +116,7 @@ def simulate(
     frames: int | None = None,
     overwrite: bool = False,
     progress: bool | None = None,
+    recorded: Callable[[int], None] | None = None,
 ) -> Recording:
     """Run a scene and record it.
 
@@ -137,6 +138,8 @@ def simulate(
         Replace a recording that is at `out`.
     progress
         Show a progress bar and notes on stderr; None: where that is a terminal.
+    recorded
+        Called with the number of each new frame once it is on disk.
 
     Returns
     -------
@@ -185,7 +188,7 @@ def simulate(
         with begun as session:
             writer = writer or _created(path, scene, prepared, header, overwrite)
             try:
-                run = _Run(scene, prepared.assembly, chosen, writer, shown)
+                run = _Run(scene, prepared.assembly, chosen, writer, shown, recorded or (lambda frame: None))
                 run.go(last, (lambda: session) if session is not None else opening, end)
             finally:
                 writer.close()
@@ -202,12 +205,14 @@ class _Run:
         chosen: _Engine,
         writer: RecordingWriter,
         shown: Progress,
+        recorded: Callable[[int], None],
     ) -> None:
         self._scene = scene
         self._assembly = assembly
         self._chosen = chosen
         self._writer = writer
         self._shown = shown
+        self._recorded = recorded
         self._fields = frozenset(
             {Field.POSITIONS}
             | (chosen.descriptor.capabilities.output_fields & {Field.VELOCITIES, Field.DEFORMATION_GRADIENTS})
@@ -232,6 +237,7 @@ class _Run:
         try:
             if last < 0:
                 self._write_start()
+                self._recorded(0)
                 last = 0
             else:
                 self._recall_valid(last)
@@ -264,6 +270,7 @@ class _Run:
                 report = session.advance_to(scene.time_of(frame))
                 before = self._record(frame, session, report, before)
                 self._shown.advance(frame, report.smallest_substep)
+                self._recorded(frame)
                 if interrupted.is_set() and frame + 1 < end:
                     self._keep(frame, session, always=True)
                     return (

@@ -12,6 +12,7 @@ from gasp_core.errors import RecordingError, UnknownEngineError
 
 if TYPE_CHECKING:
     from gasp_core.engine.registry import Registry
+    from gasp_core.recording import Recording
 
 __all__ = ["Setting", "demo", "scene_text", "setting_for"]
 
@@ -54,8 +55,8 @@ Examples:
 def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
     """Drop a soft toy, without any data of your own.
 
-    Makes a toy bear of flat Gaussians, drops it on a floor, and writes every frame as a splat file. What it makes is
-    an ordinary scene to play with.
+    Makes a toy bear of flat Gaussians, drops it on a floor, films that, and writes every frame as a splat file. What it
+    makes is an ordinary scene to play with.
     """
     from gasp_core.engine.registry import discover
 
@@ -81,17 +82,32 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
         print_outcome(recording)
         if interrupted(recording):
             raise KeyboardInterrupt
+    films = _film(recording, folder)
     paths = export_frames(recording, range(recording.frame_count), folder / "frames", stem="toy", suffix=".ply")
     click.echo(
-        f"splat files: {paths[0]} to {paths[-1].name}\n"
+        f"{films}splat files: {paths[0]} to {paths[-1].name}\n"
         "\n"
         "What next:\n"
-        f"  look:    drag {paths[len(paths) // 2]} into https://superspl.at/editor, or any viewer of splats\n"
+        f"  look:    gasp view {run}, or drag {paths[len(paths) // 2]} into any viewer of splats\n"
         f"  change:  edit {scene} (stiffer? heavier? from higher up?), then\n"
-        f"           gasp run {scene} --out {folder / 'mine.gasp'}\n"
+        f"           gasp run {scene} --out {folder / 'mine.gasp'} --render {folder / 'mine.mp4'}\n"
         f"  export:  gasp export {run} --all --format spz\n"
         "  yours:   put the path of your own splat file into the scene; gasp inspect FILE tells what is in it"
     )
+
+
+def _film(recording: Recording, folder: Path) -> str:
+    """Make a film and a sheet of key frames; lines that say where they are, or why there is none."""
+    from gasp_core.errors import PluginLoadError, RenderingError
+    from gasp_core.rendering.filming import render
+
+    film, sheet = folder / "film.mp4", folder / "sheet.png"
+    click.echo("filming it")
+    try:
+        render(recording, film, sheet, size=(960, 540))
+    except (RenderingError, PluginLoadError) as error:
+        return f"no film:     {error}\n"
+    return f"film:        {film}\nkey frames:  {sheet}\n"
 
 
 def setting_for(engine: str | None, registry: Registry) -> tuple[str, Setting]:

@@ -15,6 +15,7 @@ __all__ = ["BUILT_IN", "CommandGroup", "gasp"]
 BUILT_IN = {
     "run": ("gasp_core.cli.run:run", "Simulate a scene and keep its frames."),
     "demo": ("gasp_core.cli.demo:demo", "Drop a soft toy, without any data of your own."),
+    "render": ("gasp_core.cli.render:render", "Show a run as a film, pictures, or a sheet of key frames."),
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
     "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
@@ -105,6 +106,7 @@ First steps:
   gasp demo                            see it work, no data needed
   gasp inspect plant.splat             what is in this file?
   gasp run scene.toml --out plant.gasp
+  gasp render plant.gasp -o plant.mp4
   gasp export plant.gasp --all --format ply
 
 \b

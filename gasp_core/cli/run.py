@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.size import Size
 
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
+    from gasp_core.scene.model import Scene
 
-__all__ = ["interrupted", "print_outcome", "resumable", "run"]
+__all__ = ["filmed", "interrupted", "print_outcome", "resumable", "run"]
 
 
 @click.command(
@@ -44,6 +46,7 @@ A scene:
 Examples:
   gasp run scene.toml
   gasp run scene.toml --engine reference-mpm --out slow.gasp --frames 5
+  gasp run scene.toml --render film.mp4
   gasp run scene.toml --resume        go on after Ctrl-C, a crash or a power cut
 """
 )
@@ -58,9 +61,26 @@ Examples:
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped, from its last checkpoint.")
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")
 @click.option("--overwrite", is_flag=True, help="Replace a run that is there already.")
+@click.option(
+    "--render",
+    "films",
+    metavar="PATH",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Film it while it runs: film.mp4, sheet.png or a folder of pictures; more than one if you like.",
+)
+@click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
 def run(
-    scene: Path, engine: str | None, out: Path | None, resume: bool, frames: int | None, overwrite: bool, as_json: bool
+    scene: Path,
+    engine: str | None,
+    out: Path | None,
+    resume: bool,
+    frames: int | None,
+    overwrite: bool,
+    films: tuple[Path, ...],
+    size: tuple[int, int],
+    as_json: bool,
 ) -> None:
     """Simulate a scene and keep its frames.
 
@@ -75,20 +95,27 @@ def run(
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
     if out is not None:
         command += ["--out", str(out)]
+    for path in films:
+        command += ["--render", str(path)]
+    loaded = load_scene(scene)
     with resumable(folder, command):
-        recording = simulate(
-            load_scene(scene),
-            engine=engine,
-            out=folder,
-            resume=resume,
-            frames=frames,
-            overwrite=overwrite,
-            progress=False if as_json else None,
-        )
+        with filmed(folder, loaded, films, size, frames) as recorded:
+            recording = simulate(
+                loaded,
+                engine=engine,
+                out=folder,
+                resume=resume,
+                frames=frames,
+                overwrite=overwrite,
+                progress=False if as_json else None,
+                recorded=recorded,
+            )
         if as_json:
             print_json(_outcome(recording))
         else:
             print_outcome(recording)
+            if not films:
+                click.echo(f"a film of it: gasp render {shlex.quote(str(folder))}")
             click.echo(f"splat files of it: gasp export {shlex.quote(str(folder))} --all --format ply")
         if interrupted(recording):
             raise KeyboardInterrupt
@@ -102,6 +129,27 @@ def print_outcome(recording: Recording) -> None:
             click.echo(note)
     reason = f" ({recording.reason})" if recording.reason else ""
     click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
+
+
+@contextmanager
+def filmed(
+    folder: Path, scene: Scene, films: tuple[Path, ...], size: tuple[int, int], frames: int | None
+) -> Generator[Callable[[int], None] | None]:
+    """Something to tell each new frame to; the films are there in the end, or a line on stderr that says why not."""
+    if not films:
+        yield None
+        return
+    from gasp_core.rendering.live import LiveFilm
+
+    film = LiveFilm(folder, scene, films, width=size[0], height=size[1], frames=frames)
+    try:
+        with film:
+            yield film.recorded
+    finally:
+        if film.problem:
+            click.echo(f"not filmed: {film.problem}; the run is not harmed by that: gasp render films it", err=True)
+    if film.left_the_picture():
+        click.echo(f"matter left the picture: gasp render {shlex.quote(str(folder))} shows all of it", err=True)
 
 
 @contextmanager

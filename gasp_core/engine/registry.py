@@ -45,6 +45,14 @@ class EngineOffer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RendererOffer:
+    """A renderer and the distribution that brings it."""
+
+    descriptor: RendererDescriptor
+    distribution: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CommandOffer:
     """A subcommand and the distribution that brings it."""
 
@@ -67,7 +75,7 @@ class Registry:
     """
 
     offers: Mapping[str, tuple[EngineOffer, ...]]
-    renderers: Mapping[str, RendererDescriptor]
+    renderers: Mapping[str, RendererOffer]
     commands: Mapping[str, CommandOffer]
     failures: tuple[PluginFailure, ...]
 
@@ -161,7 +169,7 @@ class _Collected:
 
     def __init__(self) -> None:
         self.engines: dict[str, list[EngineOffer]] = {}
-        self.renderers: dict[str, RendererDescriptor] = {}
+        self.renderers: dict[str, RendererOffer] = {}
         self.commands: dict[str, CommandOffer] = {}
         self.failures: list[PluginFailure] = []
         self._modules: dict[int, FoundPlugin] = {}
@@ -183,7 +191,7 @@ class _Collected:
                 self.engines.setdefault(descriptor.name, []).append(offer)
         for renderer in offers.renderers:
             if self._sound(found, renderer, taken=self.renderers):
-                self.renderers[renderer.name] = renderer
+                self.renderers[renderer.name] = RendererOffer(descriptor=renderer, distribution=found.distribution)
         for command in offers.commands:
             if self._sound(found, command, taken=self.commands):
                 self.commands[command.name] = CommandOffer(command=command, distribution=found.distribution)

@@ -1,4 +1,4 @@
-"""What a renderer of splats is: the hook `gasp_splat_renderers` offers them, `SplatRenderer` is what their factory makes.
+"""What a renderer of splats is: the hook `gasp_splat_renderers` offers factories, which make a `SplatRenderer`.
 
 The image model is that of 3DGS (Kerbl et al. 2023, 10.1145/3592433), stated here so that renderers agree:
 
@@ -56,6 +56,15 @@ class Picture:
     def over(self, background: Array) -> Array:
         """The picture (H, W, 3) float32 over an opaque background: one colour (3,) or an image (H, W, 3)."""
         return self.colour + (1 - self.alpha[:, :, None]) * np.asarray(background, dtype=np.float32)
+
+    def before(self, behind: Picture) -> Picture:
+        """This picture in front of another, which is seen where this one is transparent."""
+        share = 1 - self.alpha
+        return Picture(
+            colour=self.colour + share[:, :, None] * behind.colour,
+            alpha=self.alpha + share * behind.alpha,
+            depth=np.where(self.alpha > 0, self.depth, behind.depth),
+        )
 
 
 class SplatRenderer(Protocol):

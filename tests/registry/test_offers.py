@@ -141,7 +141,7 @@ def test_renderers_and_commands(descriptor):
     first = plugin("gasp_first", gasp_splat_renderers=lambda: [renderer], gasp_commands=lambda: [command])
     second = plugin("gasp_second", gasp_commands=lambda: [command])
     registry = Registry.of([first, second])
-    assert registry.renderers == {"splatter": renderer}
+    assert {name: offer.descriptor for name, offer in registry.renderers.items()} == {"splatter": renderer}
     assert registry.commands["view"].distribution == "gasp_first"
     assert [(failure.name, failure.distribution) for failure in registry.failures] == [("view", "gasp_second")]
 

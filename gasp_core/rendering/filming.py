@@ -1,0 +1,111 @@
+"""A recording, or a splat file, as films, pictures and sheets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from gasp_core.errors import RenderingError
+from gasp_core.progress import counting
+from gasp_core.recording import Recording
+from gasp_core.rendering.footage import RecordedFootage, open_footage
+from gasp_core.rendering.framing import motion_of
+from gasp_core.rendering.outputs import open_output
+from gasp_core.rendering.painting import FramePainter, parse_background
+from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.viewpoints import cameras_for, read_choice
+from gasp_core.scene.model import CameraChoice, UpAxis
+
+__all__ = ["render"]
+
+_TURN = 100
+"""Pictures of a turn around something that does not move."""
+
+
+def render(
+    run: Recording | str | Path,
+    *outs: str | Path,
+    size: tuple[int, int] = (1280, 720),
+    camera: str | CameraChoice | None = None,
+    frames: Sequence[int] | None = None,
+    turntable: bool = False,
+    slower: float = 1.0,
+    background: str = "white",
+    up: UpAxis = "-y",
+    renderer: str | None = None,
+    progress: bool | None = None,
+) -> None:
+    """Show a run as a film, as pictures, or as a sheet of key frames.
+
+    Every file appears whole, or not at all where anything fails; what was there under its name is replaced.
+
+    Parameters
+    ----------
+    run
+        A recording, finished or not, or the path of one, or of a splat file.
+    outs
+        ``film.mp4``, ``sheet.png`` (key frames; of a single frame a plain picture), else a folder of pictures. Each
+        frame is painted once for all of them.
+    size [px]
+        Width and height of a picture.
+    camera
+        A named view ("three-quarter", "front", "right", "back", "left", "top"), "cameras.json:3",
+        "transforms.json:NAME", or a `CameraChoice`. None: the scene's, else three-quarter. Named views have the whole
+        motion in the picture.
+    frames
+        Numbers of the frames to show; None: all.
+    turntable
+        Go around once during the film.
+    slower
+        Slow motion: 2 makes the film twice as long.
+    background
+        A colour name, #rrggbb, or "transparent" (pictures only).
+    up
+        A splat file's axis that points up.
+    renderer
+        Name of an installed renderer; None: the default.
+    progress
+        Show a bar on stderr; None: where that is a terminal.
+
+    Raises
+    ------
+    RenderingError
+        Where there is no frame, a camera or colour does not exist, an output cannot be what its name says, a codec is
+        missing.
+    RecordingError, SplatFormatError
+        Where `run` is neither, or damaged.
+    """
+    if not (math.isfinite(slower) and slower > 0):
+        raise RenderingError(f"slower must be a number > 0, found {slower!r}")
+    colour = parse_background(background)
+    choice = read_choice(camera) if isinstance(camera, str) else camera
+    footage = RecordedFootage(run) if isinstance(run, Recording) else open_footage(run, up)
+    count = footage.frame_count
+    chosen = list(range(count) if frames is None else frames)
+    for number in chosen:
+        if not 0 <= number < count:
+            raise RenderingError(f"{footage.path}: has frames 0 to {count - 1}, not {number}")
+    if not chosen:
+        raise RenderingError(f'{footage.path}: holds no frame yet: wait for one, or go on with "gasp run --resume"')
+    if turntable and len(chosen) == 1:
+        chosen *= _TURN
+    motion = motion_of(footage, chosen)
+    width, height = size
+    cameras = cameras_for(
+        footage, choice, motion=motion, count=len(chosen), width=width, height=height, turning=turntable
+    )
+    rate, title = footage.frame_rate / slower, footage.path.name
+    outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
+    painter = FramePainter(footage, open_renderer(renderer), motion=motion, background=colour)
+    with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:
+        for output in outputs:
+            stack.enter_context(output)
+        for index, (number, seen) in enumerate(zip(chosen, cameras)):
+            wanting = [output for output in outputs if output.wants(index)]
+            if wanting:
+                picture = painter.paint(number, seen)
+                for output in wanting:
+                    output.take(picture, number / footage.frame_rate)
+            painted()

@@ -1,0 +1,102 @@
+"""Frames as pictures: splats with the scenery behind and before them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RenderingError
+from gasp_core.rendering.camera import Camera
+from gasp_core.rendering.contract import Picture, SplatRenderer
+from gasp_core.rendering.footage import Footage
+from gasp_core.rendering.framing import Motion
+from gasp_core.rendering.scenery import draw_scenery
+from gasp_core.rendering.shadows import ShadowedScenery
+from gasp_core.splats import Splats
+
+__all__ = ["FramePainter", "parse_background", "to_bytes"]
+
+Array = NDArray[Any]
+
+
+class FramePainter:
+    """Paints frames; scenery is cast anew only where the camera moves.
+
+    Parameters
+    ----------
+    footage
+        Frames.
+    renderer
+        Draws the splats.
+    motion
+        Where the matter goes: planes and shadows are drawn there.
+    background : (3,)
+        Colour 0..1 behind everything; None: transparent.
+    """
+
+    def __init__(
+        self,
+        footage: Footage,
+        renderer: SplatRenderer,
+        *,
+        motion: Motion,
+        background: tuple[float, float, float] | None,
+    ) -> None:
+        self._footage = footage
+        self._renderer = renderer
+        self._motion = motion
+        self._background = background
+        self._camera: Camera | None = None
+        self._scenery: ShadowedScenery | None = None
+
+    def paint(self, frame: int, camera: Camera) -> Array:
+        """A frame as bytes: (H, W, 3) uint8, (H, W, 4) with straight alpha where the background is transparent."""
+        picture = self._picture(self._footage.splats(frame), camera)
+        if self._background is not None:
+            return to_bytes(picture.over(np.asarray(self._background)))
+        alpha = picture.alpha[:, :, None]
+        straight = picture.colour / np.where(alpha > 0, alpha, 1.0)
+        return to_bytes(np.concatenate([straight, alpha], axis=2))
+
+    def _picture(self, splats: Splats, camera: Camera) -> Picture:
+        if not self._footage.colliders:
+            return self._renderer.render(splats, camera)
+        shadowed = self._scenery_from(camera)
+        drawn = self._renderer.render(splats, camera, occluders=shadowed.scenery.depth)
+        return drawn.before(shadowed.under(splats, self._renderer))
+
+    def _scenery_from(self, camera: Camera) -> ShadowedScenery:
+        if self._scenery is None or camera is not self._camera:
+            motion = self._motion
+            scenery = draw_scenery(self._footage.colliders, camera, centre=motion.centre, reach=motion.reach)
+            self._scenery = ShadowedScenery.of(scenery, camera, motion)
+            self._camera = camera
+        return self._scenery
+
+
+def to_bytes(values: Array) -> Array:
+    """Display values 0..1 as uint8, rounded; what is outside is cut off."""
+    return (np.clip(values, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
+
+
+def parse_background(text: str) -> tuple[float, float, float] | None:
+    """A colour name or #rrggbb as 0..1; None for "transparent".
+
+    Raises
+    ------
+    RenderingError
+        Where it is neither.
+    """
+    if text == "transparent":
+        return None
+    from PIL import ImageColor
+
+    try:
+        red, green, blue = ImageColor.getrgb(text)[:3]
+    except ValueError:
+        raise RenderingError(
+            f'background "{text}" is no colour: a name (white, black, gray), #rrggbb, or transparent'
+        ) from None
+    return (red / 255, green / 255, blue / 255)

@@ -1,0 +1,185 @@
+"""Colliders as shaded geometry, by casting a ray through every pixel: what splats stand on, in front of and behind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.forcing import Collider, Side
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.rendering.camera import Camera
+from gasp_core.rendering.contract import Picture
+
+__all__ = ["LIGHT", "Hit", "draw_scenery", "nearest_hits"]
+
+Array = NDArray[Any]
+
+LIGHT = np.array([0.35, -0.5, 1.6])
+"""Direction to the lamp."""
+_AMBIENT = 0.55
+_GROUND = np.array([0.80, 0.80, 0.79])
+_SOLID = np.array([0.72, 0.66, 0.58])
+_LINE = 0.86
+"""Brightness of the grid's lines."""
+_LINE_SHARE = 0.03
+"""Width of a line over the distance between two."""
+_SAMPLES = ((0.25, 0.125), (-0.125, 0.25), (-0.25, -0.125), (0.125, -0.25))
+"""Rays of a pixel, off its centre: rotated grid, so that level and upright edges are smooth too."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hit:
+    """Where rays first meet a collider.
+
+    Parameters
+    ----------
+    depth : (...)
+        Along the axis of view; inf where nothing is met.
+    collider : (...)
+        Its number.
+    """
+
+    depth: Array
+    collider: Array
+
+
+def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array) -> Hit:
+    """The first surface that each ray origin + depth * ray meets from the side on which matter may be.
+
+    A surface seen from behind is not there: one looks into a container through its near wall, and from below a floor
+    at what lies on it.
+    """
+    depth = np.full(rays.shape[:-1], np.inf)
+    number = np.full(rays.shape[:-1], -1)
+    for index, collider in enumerate(colliders):
+        found = _distances(collider, origin, rays)
+        nearer = found < depth
+        depth[nearer] = found[nearer]
+        number[nearer] = index
+    return Hit(depth=depth, collider=number)
+
+
+def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array, reach: float) -> Picture:
+    """The colliders from a camera, on a transparent ground.
+
+    Parameters
+    ----------
+    colliders
+        Any number.
+    camera
+        From where.
+    centre : (3,), reach
+        Middle and size of what happens [m]: planes have a grid that fits it and fade out beyond it.
+    """
+    shape = (camera.height, camera.width)
+    if not colliders:
+        nothing = np.zeros((*shape, 3), np.float32)
+        return Picture(colour=nothing, alpha=nothing[:, :, 0], depth=np.full(shape, np.inf, np.float32))
+    colour, alpha = np.zeros((*shape, 3)), np.zeros(shape)
+    for across, down in _SAMPLES:
+        moved = replace(camera, center_x=camera.center_x + across, center_y=camera.center_y + down)
+        shades, weight = _shaded(colliders, moved, np.asarray(centre), reach)
+        colour += weight[:, :, None] * shades / len(_SAMPLES)
+        alpha += weight / len(_SAMPLES)
+    hit = nearest_hits(colliders, camera.position, camera.rays())
+    return Picture(colour=colour.astype(np.float32), alpha=alpha.astype(np.float32), depth=hit.depth.astype(np.float32))
+
+
+def _distances(collider: Collider, origin: Array, rays: Array) -> Array:
+    shape, inside = collider.shape, collider.side is Side.INSIDE
+    if isinstance(shape, HalfSpace):
+        return _plane(shape, origin, rays, sign=-1.0 if inside else 1.0)
+    entry, leave = _box(shape, origin, rays) if isinstance(shape, BoxShape) else _sphere(shape, origin, rays)
+    # Matter outside sees the surface where rays go in, matter inside where they go out.
+    chosen = leave if inside else entry
+    return np.where((entry <= leave) & (chosen > 0), chosen, np.inf)
+
+
+def _plane(shape: HalfSpace, origin: Array, rays: Array, *, sign: float) -> Array:
+    normal = sign * np.asarray(shape.normal)
+    height = float((origin - np.asarray(shape.point)) @ normal)
+    if height <= 0:
+        return np.full(rays.shape[:-1], np.inf)
+    falling = -(rays @ normal)
+    return np.where(falling > 0, height / np.where(falling > 0, falling, 1.0), np.inf)
+
+
+def _box(shape: BoxShape, origin: Array, rays: Array) -> tuple[Array, Array]:
+    """Slabs: the ray is inside while it is between all three pairs of planes."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = (np.asarray(shape.center) - np.asarray(shape.half_extents) - origin) / rays
+        high = (np.asarray(shape.center) + np.asarray(shape.half_extents) - origin) / rays
+    # 0 / 0: along a face, which does not bound the ray.
+    entry = np.nan_to_num(np.minimum(low, high), nan=-np.inf, posinf=np.inf, neginf=-np.inf).max(axis=-1)
+    leave = np.nan_to_num(np.maximum(low, high), nan=np.inf, posinf=np.inf, neginf=-np.inf).min(axis=-1)
+    return entry, leave
+
+
+def _sphere(shape: SphereShape, origin: Array, rays: Array) -> tuple[Array, Array]:
+    offset = origin - np.asarray(shape.center)
+    a = np.einsum("...i,...i->...", rays, rays)
+    b = rays @ offset
+    discriminant = b * b - a * (offset @ offset - shape.radius**2)
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    missed = discriminant < 0
+    return np.where(missed, np.inf, (-b - root) / a), np.where(missed, -np.inf, (-b + root) / a)
+
+
+def _shaded(colliders: Sequence[Collider], camera: Camera, centre: Array, reach: float) -> tuple[Array, Array]:
+    """Colours (H, W, 3) and weights (H, W) of what the rays of a camera meet."""
+    rays, eye = camera.rays(), camera.position
+    hit = nearest_hits(colliders, eye, rays)
+    colour, weight = np.zeros(rays.shape), np.zeros(rays.shape[:2])
+    for index, collider in enumerate(colliders):
+        met = hit.collider == index
+        if not met.any():
+            continue
+        position = eye + hit.depth[met][:, None] * rays[met]
+        shape = collider.shape
+        normal = shape.outward_normal(position) * (-1.0 if collider.side is Side.INSIDE else 1.0)
+        light = _AMBIENT + (1 - _AMBIENT) * np.maximum(normal @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
+        if isinstance(shape, HalfSpace):
+            away = np.linalg.norm(position - centre, axis=1) / reach
+            weight[met] = _smoothstep(4.5, 1.5, away)
+            blur = hit.depth[met] / min(camera.focal_x, camera.focal_y)
+            slant = np.abs(np.einsum("ni,ni->n", rays[met], normal)) / np.linalg.norm(rays[met], axis=1)
+            colour[met] = (_GROUND * (light / light.max())[:, None]) * _grid(position, normal[0], reach, blur / slant)[
+                :, None
+            ]
+        else:
+            weight[met] = 1.0
+            colour[met] = _SOLID * light[:, None]
+    return colour, weight
+
+
+def _grid(position: Array, normal: Array, reach: float, blur: Array) -> Array:
+    """Brightness of a plane with lines a round number of metres apart, smoothed over `blur` metres."""
+    spacing = _round_length(reach / 4)
+    # Along the two axes that the plane is least turned away from.
+    axes = np.argsort(np.abs(normal))[:2]
+    brightness = np.ones(len(position))
+    for axis in axes:
+        cell = position[:, axis] / spacing
+        width = np.maximum(blur / spacing, 1e-9)
+        line = 0.5 * _LINE_SHARE
+        distance = np.abs(cell - np.round(cell))
+        covered = np.clip((line + 0.5 * width - distance) / width, 0.0, np.minimum(1.0, 2 * line / width))
+        # Lines closer than pixels are a uniform grey.
+        brightness *= 1 - (1 - _LINE) * np.where(width > 0.5, _LINE_SHARE, covered)
+    return brightness
+
+
+def _round_length(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a length."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return power * max(step for step in (1, 2, 5) if step * power <= length * (1 + 1e-12))
+
+
+def _smoothstep(start: float, end: float, value: Array) -> Array:
+    t = np.clip((value - start) / (end - start), 0.0, 1.0)
+    return t * t * (3 - 2 * t)

@@ -1,0 +1,79 @@
+"""The shadow that splats cast on the scenery: without it nothing seems to stand on the ground."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.rendering.camera import Camera, look_at
+from gasp_core.rendering.contract import Picture, SplatRenderer
+from gasp_core.rendering.framing import Motion
+from gasp_core.rendering.scenery import LIGHT
+from gasp_core.splats import Splats
+
+__all__ = ["ShadowedScenery"]
+
+Array = NDArray[Any]
+
+_SIDE = 256
+_FAR = 30.0
+"""Distance of the lamp in sizes of the motion: its rays are nearly parallel."""
+_SOFTNESS = 2.0
+"""Blur of the shadow [px of its map]: a map's pixels would show otherwise."""
+_DARKNESS = 0.45
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShadowedScenery:
+    """Scenery seen from one camera, and where each of its pixels is seen by the lamp.
+
+    Parameters
+    ----------
+    scenery
+        Without shadow.
+    lamp
+        The camera that looks from the lamp.
+    places : (H W, 2) [px]
+        In the lamp's picture; NaN where there is no scenery.
+    """
+
+    scenery: Picture
+    lamp: Camera
+    places: Array
+
+    @classmethod
+    def of(cls, scenery: Picture, camera: Camera, motion: Motion) -> ShadowedScenery:
+        """From the scenery that a camera sees."""
+        lamp = _lamp(motion)
+        depth = scenery.depth.astype(np.float64)
+        positions = camera.position + np.where(np.isfinite(depth), depth, np.nan)[:, :, None] * camera.rays()
+        places, _ = lamp.project(positions.reshape(-1, 3))
+        return cls(scenery=scenery, lamp=lamp, places=places)
+
+    def under(self, splats: Splats, renderer: SplatRenderer) -> Picture:
+        """The scenery with the shadow of splats on it."""
+        from scipy.ndimage import gaussian_filter, map_coordinates
+
+        cast = gaussian_filter(renderer.render(splats, self.lamp).alpha, _SOFTNESS)
+        # Pixel k's centre is at k + 1/2; beyond the map and where nothing stands there is no shadow.
+        where = np.nan_to_num(self.places - 0.5, nan=-1e6)[:, ::-1].T
+        shade = map_coordinates(cast, where, order=1, mode="constant", cval=0.0, prefilter=False)
+        light = (1 - _DARKNESS * shade.reshape(self.scenery.alpha.shape)).astype(np.float32)
+        return replace(self.scenery, colour=self.scenery.colour * light[:, :, None])
+
+
+def _lamp(motion: Motion) -> Camera:
+    direction = LIGHT / np.linalg.norm(LIGHT)
+    distance = _FAR * motion.reach
+    return look_at(
+        motion.centre + distance * direction,
+        motion.centre,
+        width=_SIDE,
+        height=_SIDE,
+        field_of_view=math.degrees(2 * math.atan(0.55 / _FAR)),
+        near=1e-3 * distance,
+    )
