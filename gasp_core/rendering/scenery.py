@@ -111,7 +111,7 @@ def _plane(shape: HalfSpace, origin: Array, rays: Array, *, sign: float) -> Arra
 
 def _box(shape: BoxShape, origin: Array, rays: Array) -> tuple[Array, Array]:
     """Slabs: the ray is inside while it is between all three pairs of planes."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         low = (np.asarray(shape.center) - np.asarray(shape.half_extents) - origin) / rays
         high = (np.asarray(shape.center) + np.asarray(shape.half_extents) - origin) / rays
     # 0 / 0: along a face, which does not bound the ray.

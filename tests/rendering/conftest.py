@@ -1,0 +1,111 @@
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gasp_core import Collider, Elastic, EngineChoice, Gaussians, HalfSpace, Scene, SplatObject, simulate
+from gasp_core.rendering.contract import Picture
+
+HERE = Path(__file__).parent
+
+
+def _load_ballistic():
+    # Test folders are no packages (importlib mode): the engine of the other folder is shared by path.
+    if "ballistic" not in sys.modules:
+        spec = importlib.util.spec_from_file_location("ballistic", HERE.parent / "scene" / "ballistic.py")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules["ballistic"] = module
+        spec.loader.exec_module(module)
+    return sys.modules["ballistic"]
+
+
+@pytest.fixture(autouse=True)
+def no_flush(monkeypatch):
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
+
+
+@pytest.fixture(scope="session")
+def data():
+    folder = Path(os.environ.get("GASP_DATA", HERE.parents[1].parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real splats at {folder} (set GASP_DATA)")
+    return folder
+
+
+def blob(count=60, seed=0):
+    """A small dense ball of flat colours, standing on z = 0."""
+    rng = np.random.default_rng(seed)
+    return Gaussians(
+        means=rng.normal(size=(count, 3)) / 6 + [0, 0, 0.5],
+        quaternions=rng.normal(size=(count, 4)),
+        scales=np.exp(rng.uniform(-4, -2.5, size=(count, 3))),
+        opacities=rng.uniform(0.5, 1, size=count),
+        harmonics=rng.normal(size=(count, 1, 3)).astype(np.float32),
+    )
+
+
+@pytest.fixture
+def falling_scene():
+    """A blob that falls on a floor: seven frames."""
+    return Scene(
+        duration=0.24,
+        frame_rate=25,
+        objects=(
+            SplatObject(
+                name="blob", splat=blob(), material=Elastic(density=1e3, youngs_modulus=1e5, poissons_ratio=0.3)
+            ),
+        ),
+        colliders=(Collider(shape=HalfSpace(point=(0, 0, -0.5), normal=(0, 0, 1))),),
+        engine=EngineChoice(name="ballistic"),
+    )
+
+
+@pytest.fixture
+def run_of(tmp_path):
+    """Runs a scene with the engine of the tests."""
+    ballistic = _load_ballistic()
+
+    def go(scene, name="run.gasp", **options):
+        engine = (ballistic.descriptor(), ballistic.Ballistic())
+        return simulate(scene, engine=engine, out=tmp_path / name, progress=False, **options)
+
+    return go
+
+
+@pytest.fixture
+def recording(run_of, falling_scene):
+    return run_of(falling_scene)
+
+
+class Dots:
+    """A renderer that needs no plugin: each Gaussian is one opaque pixel of its constant colour, nearest in front."""
+
+    def __init__(self):
+        self.pictures = 0
+
+    def render(self, splats, camera, *, occluders=None):
+        self.pictures += 1
+        shape = (camera.height, camera.width)
+        colour, depth = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
+        places, depths = camera.project(splats.means)
+        for row in np.argsort(-depths):
+            x, y = np.floor(places[row]).astype(int)
+            if not (0 <= x < camera.width and 0 <= y < camera.height and depths[row] > camera.near):
+                continue
+            if occluders is not None and depths[row] > occluders[y, x]:
+                continue
+            colour[y, x] = np.clip(0.5 + 0.2820948 * splats.harmonics[row, 0], 0, 1)
+            depth[y, x] = depths[row]
+        return Picture(colour=colour, alpha=np.isfinite(depth).astype(np.float32), depth=depth)
+
+
+@pytest.fixture
+def dots(monkeypatch):
+    """The renderer of the tests in place of installed ones."""
+    renderer = Dots()
+    for module in ("gasp_core.rendering.filming", "gasp_core.rendering.live"):
+        monkeypatch.setattr(f"{module}.open_renderer", lambda name=None: renderer)
+    return renderer

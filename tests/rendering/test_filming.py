@@ -1,0 +1,280 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import gasp_core as gasp
+from gasp_core.errors import RecordingError, RenderingError, SplatFormatError
+from gasp_core.recording import Recording
+from gasp_core.rendering.camera import look_at
+from gasp_core.rendering.footage import RecordedFootage, open_footage
+from gasp_core.rendering.framing import motion_of
+from gasp_core.rendering.live import LiveFilm, expected_motion
+from gasp_core.rendering.painting import FramePainter, parse_background, to_bytes
+from gasp_core.rendering.viewpoints import cameras_for, read_choice
+
+SIZE = (96, 64)
+
+
+def painted(path):
+    return np.asarray(Image.open(path))
+
+
+def test_a_run_becomes_film_sheet_and_pictures_in_one_go(recording, dots, tmp_path):
+    gasp.render(recording, tmp_path / "a.mp4", tmp_path / "a.png", tmp_path / "frames", size=SIZE)
+    assert sorted(path.name for path in (tmp_path / "frames").iterdir()) == [f"frame_{k:04d}.png" for k in range(7)]
+    assert painted(tmp_path / "frames" / "frame_0000.png").shape == (64, 96, 3)
+    # The splats and, for the shadow, what the lamp sees of them: once each for all three.
+    assert dots.pictures == 2 * 7
+
+
+def test_only_key_frames_are_painted_for_a_sheet(run_of, falling_scene, dots, tmp_path):
+    run = run_of(dataclasses.replace(falling_scene, duration=1.6), name="long.gasp")
+    assert run.frame_count == 41
+    gasp.render(run.path, tmp_path / "a.png", size=SIZE)
+    assert dots.pictures == 2 * 12
+
+
+def test_the_first_frame_shows_the_file(recording, dots, tmp_path):
+    gasp.render(recording, tmp_path / "a.png", size=SIZE, frames=[0], background="black")
+    splats, picture = recording.splats(0), painted(tmp_path / "a.png")
+    (camera,) = cameras_for(
+        RecordedFootage(recording),
+        None,
+        motion=motion_of(RecordedFootage(recording), [0]),
+        count=1,
+        width=96,
+        height=64,
+    )
+    places, depths = camera.project(splats.means)
+    nearest = np.argmin(depths)
+    x, y = np.floor(places[nearest]).astype(int)
+    assert picture[y, x] == pytest.approx(to_bytes(0.5 + 0.2820948 * splats.harmonics[nearest, 0]), abs=1)
+
+
+def test_what_is_behind_a_collider_is_hidden_and_what_is_before_it_is_not(run_of, falling_scene, dots):
+    floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, 0.2), normal=(0, 0, 1)))
+    run = run_of(dataclasses.replace(falling_scene, colliders=(floor,)))
+    footage = RecordedFootage(run)
+    painter = FramePainter(footage, dots, motion=motion_of(footage), background=(1, 1, 1))
+    above = look_at((0, -3, 3), (0, 0, 0.2), width=200, height=200)
+    picture = painter.paint(6, above)
+    means = run.splats(6).means
+    # The engine of the tests knows no floor: a part has sunk below it.
+    sunk = means[:, 2] < 0.2
+    assert 5 < sunk.sum() < len(sunk) - 5
+    x, y = np.floor(above.project(means)[0]).astype(int).T
+    colourful = np.ptp(picture[y, x].astype(int), axis=1) > 20
+    trained = np.ptp(to_bytes(0.5 + 0.2820948 * run.splats(6).harmonics[:, 0]).astype(int), axis=1) > 20
+    # One of the others may stand before a sunk one, in its pixel of 40,000; two or three at the most.
+    assert colourful[sunk].sum() <= 3
+    assert (colourful | ~trained)[~sunk].all()
+
+
+def test_transparent_pictures_have_straight_colours(recording, dots, tmp_path):
+    gasp.render(recording, tmp_path / "frames", size=SIZE, background="transparent")
+    first = painted(tmp_path / "frames" / "frame_0000.png")
+    assert first.shape == (64, 96, 4)
+    assert (first[:, :, 3] == 255).any()
+    with pytest.raises(RenderingError, match="cannot be transparent"):
+        gasp.render(recording, tmp_path / "a.mp4", size=SIZE, background="transparent")
+
+
+def test_a_turn_around_a_splat_file(tmp_path, dots, recording):
+    gasp.write_splat(tmp_path / "blob.ply", recording.gaussians(0))
+    gasp.render(tmp_path / "blob.ply", tmp_path / "frames", size=SIZE, turntable=True, up="+z")
+    pictures = sorted((tmp_path / "frames").iterdir())
+    assert len(pictures) == 100
+    quarter, half = painted(pictures[25]), painted(pictures[50])
+    assert not np.array_equal(quarter, half)
+    gasp.render(tmp_path / "blob.ply", tmp_path / "one.png", size=SIZE, up="+z")
+    assert painted(tmp_path / "one.png").shape == (64, 96, 3)
+
+
+def test_the_camera_of_the_scene_and_of_a_file(run_of, falling_scene, tmp_path):
+    """One camera said three ways: by its place, and by two files in the frame of the splat."""
+    eye, aim = (0.5, -3.0, 0.8), (0.0, 0.0, 0.2)
+    direct = look_at(eye, aim, width=120, height=80, field_of_view=40)
+    own = {"position": direct.position.tolist(), "rotation": direct.rotation.T.tolist(), "fx": direct.focal_x}
+    size = {"width": 120, "height": 80, "fy": direct.focal_y, "img_name": "a"}
+    (tmp_path / "cameras.json").write_text(json.dumps([own | size]))
+    for choice in (
+        gasp.CameraChoice(position=eye, target=aim, field_of_view=40),
+        gasp.CameraChoice(file=tmp_path / "cameras.json", view="a"),
+        gasp.CameraChoice(file=tmp_path / "cameras.json", object="blob"),
+    ):
+        run = run_of(dataclasses.replace(falling_scene, camera=choice), overwrite=True)
+        footage = RecordedFootage(Recording.open(run.path))
+        assert footage.camera == choice
+        (camera,) = cameras_for(footage, None, motion=motion_of(footage), count=1, width=60, height=40)
+        means = run.splats(0).means
+        # Placement is the identity here; cameras.json keeps sixteen digits.
+        assert camera.project(means)[0] == pytest.approx(direct.resized(60, 40).project(means)[0], abs=1e-9)
+
+
+def test_a_camera_of_a_file_follows_its_splat_into_the_world(run_of, falling_scene, tmp_path):
+    """Turned, scaled and moved by the scene, the splat looks the same from its own camera."""
+    native = look_at((0.5, -3.0, 0.8), (0.0, 0.0, 0.2), width=120, height=80)
+    entry = {"position": native.position.tolist(), "rotation": native.rotation.T.tolist(), "id": 0}
+    entry |= {"width": 120, "height": 80, "fx": native.focal_x, "fy": native.focal_y}
+    (tmp_path / "cameras.json").write_text(json.dumps([entry]))
+    (item,) = falling_scene.objects
+    placed = dataclasses.replace(item, up="-x", height=0.3, position=(1, 2, 3), rotation=(10, 20, 30))
+    run = run_of(dataclasses.replace(falling_scene, objects=(placed,)))
+    choice = read_choice(f"{tmp_path}/cameras.json:0")
+    footage = RecordedFootage(run)
+    (camera,) = cameras_for(footage, choice, motion=motion_of(footage), count=1, width=120, height=80)
+    assert camera.project(run.splats(0).means)[0] == pytest.approx(native.project(item.splat.means)[0], abs=1e-6)
+
+
+def test_the_camera_decides_nothing(run_of, falling_scene):
+    """A run goes on with another camera."""
+    run_of(falling_scene, frames=3)
+    moved = dataclasses.replace(falling_scene, camera=gasp.CameraChoice(position=(1, 1, 1), target=(0, 0, 0)))
+    assert run_of(moved, resume=True).status == "complete"
+
+
+def test_colours():
+    assert parse_background("white") == (1, 1, 1)
+    assert parse_background("#ff0000") == (1, 0, 0)
+    assert parse_background("transparent") is None
+    with pytest.raises(RenderingError, match='background "blurple" is no colour'):
+        parse_background("blurple")
+    assert to_bytes(np.array([-1.0, 0.0, 0.5, 1.0, 7.0])).tolist() == [0, 0, 128, 255, 255]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"camera": "sideways"}, 'no view "sideways": choose one of three-quarter, front'),
+        ({"camera": "none.json"}, "there is no such camera file"),
+        (
+            {"camera": gasp.CameraChoice(position=(1, 1, 1), target=(0, 0, 0)), "turntable": True},
+            "a turntable starts at",
+        ),
+        ({"frames": [7]}, "has frames 0 to 6, not 7"),
+        ({"frames": []}, "holds no frame yet"),
+        ({"size": (0, 3)}, "width must be 1 to"),
+        ({"size": (20_000, 3)}, "width must be 1 to"),
+        ({"slower": 0.0}, "slower must be a number > 0"),
+        ({"slower": float("nan")}, "slower must be a number > 0"),
+        ({"background": "blurple"}, "is no colour"),
+    ],
+)
+def test_what_cannot_be_shown(recording, dots, tmp_path, options, says):
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(RenderingError, match=says):
+        gasp.render(recording, tmp_path / "a.mp4", **({"size": SIZE} | options))
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_what_is_neither_run_nor_splat(tmp_path):
+    with pytest.raises(RecordingError, match="there is no such recording or splat file"):
+        open_footage(tmp_path / "none")
+    (tmp_path / "empty.gasp").mkdir()
+    with pytest.raises(RecordingError, match="is no recording"):
+        open_footage(tmp_path / "empty.gasp")
+    (tmp_path / "text.ply").write_text("hello")
+    with pytest.raises(SplatFormatError):
+        open_footage(tmp_path / "text.ply")
+
+
+def test_a_recording_without_placements_refuses_cameras_of_files(recording):
+    file = recording.path / "zarr.json"
+    node = json.loads(file.read_text())
+    del node["attributes"]["objects"][0]["placement"]
+    file.write_text(json.dumps(node))
+    with pytest.raises(RecordingError, match="does not say how its objects were placed"):
+        Recording.open(recording.path).placement("blob")
+    with pytest.raises(RecordingError, match='has no object "pot", its objects are blob'):
+        recording.placement("pot")
+
+
+@pytest.fixture
+def live(falling_scene, dots, tmp_path):
+    def make(*names, scene=falling_scene, **options):
+        paths = [tmp_path / name for name in names]
+        return LiveFilm(tmp_path / "run.gasp", scene, paths, width=SIZE[0], height=SIZE[1], **options)
+
+    return make
+
+
+def test_a_run_is_filmed_while_it_goes_on(run_of, falling_scene, live, tmp_path):
+    film = live("frames", "a.png")
+    seen = []
+
+    def recorded(frame):
+        seen.append(frame)
+        assert Recording.open(tmp_path / "run.gasp").frame_count == frame + 1
+        film.recorded(frame)
+
+    with film:
+        run_of(falling_scene, recorded=recorded)
+    assert seen == list(range(7))
+    assert film.problem == ""
+    assert len(list((tmp_path / "frames").iterdir())) == 7 and (tmp_path / "a.png").exists()
+
+
+def test_a_run_that_goes_on_is_filmed_from_its_beginning(run_of, falling_scene, live, tmp_path):
+    run_of(falling_scene, frames=3)
+    with live("frames") as film:
+        run_of(falling_scene, resume=True, recorded=film.recorded)
+    assert len(list((tmp_path / "frames").iterdir())) == 7
+
+
+def test_a_run_that_fails_leaves_the_film_of_its_frames(run_of, falling_scene, live, tmp_path):
+    engine = dataclasses.replace(falling_scene.engine, options={"fault": "nan", "fault_time": 0.12})
+    scene = dataclasses.replace(falling_scene, engine=engine)
+    with pytest.raises(gasp.GaspError), live("frames", scene=scene) as film:
+        run_of(scene, recorded=film.recorded)
+    assert len(list((tmp_path / "frames").iterdir())) == 3
+
+
+def test_a_film_that_fails_does_not_stop_the_run(run_of, falling_scene, live, dots, tmp_path, monkeypatch):
+    film = live("frames")
+    calls = []
+
+    def failing(*args, **options):
+        calls.append(1)
+        raise RenderingError("no more paper")
+
+    monkeypatch.setattr(dots, "render", failing)
+    with film:
+        run = run_of(falling_scene, recorded=film.recorded)
+    assert run.status == "complete"
+    assert film.problem == "no more paper" and len(calls) == 1
+    assert not film.left_the_picture()
+    assert [path.name for path in tmp_path.iterdir()] == ["run.gasp"]
+
+
+def test_no_frame_no_film_and_no_complaint(live, tmp_path):
+    with live("frames", "a.mp4") as film:
+        pass
+    assert film.problem == "" and list(tmp_path.iterdir()) == []
+
+
+def test_whether_matter_left_the_picture(run_of, falling_scene, live):
+    with live("a.png") as film:
+        run_of(falling_scene, recorded=film.recorded)
+    assert not film.left_the_picture()
+    (item,) = falling_scene.objects
+    thrown = dataclasses.replace(falling_scene, objects=(dataclasses.replace(item, velocity=(40.0, 0, 0)),))
+    with live("a.png", scene=thrown) as film:
+        run_of(thrown, overwrite=True, recorded=film.recorded)
+    assert film.left_the_picture()
+
+
+def test_where_matter_will_be(recording, falling_scene):
+    start = motion_of(RecordedFootage(recording), [0])
+    extent = start.upper[2] - start.lower[2]
+    free = dataclasses.replace(falling_scene, colliders=())
+    fallen = expected_motion(start, free)
+    assert fallen.upper[2] - fallen.lower[2] == pytest.approx(extent + 0.5 * 9.81 * 0.24**2)
+    # Long falls end on the floor, or after three sizes.
+    long = dataclasses.replace(falling_scene, duration=100.0)
+    assert expected_motion(start, long).lower[2] == pytest.approx(-0.5)
+    deep = expected_motion(start, dataclasses.replace(free, duration=100.0))
+    assert deep.lower[2] == pytest.approx(start.lower[2] - 3 * start.reach)
+    assert expected_motion(start, dataclasses.replace(long, gravity=(0.0, 0, 0))).points is start.points

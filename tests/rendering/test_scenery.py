@@ -1,0 +1,153 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gasp_core import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.rendering.camera import look_at
+from gasp_core.rendering.contract import Picture
+from gasp_core.rendering.framing import Motion
+from gasp_core.rendering.scenery import draw_scenery, nearest_hits
+from gasp_core.rendering.shadows import ShadowedScenery
+from gasp_core.splats import Splats
+
+FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
+BALL = Collider(shape=SphereShape(center=(0, 0, 1), radius=0.5))
+BOX = Collider(shape=BoxShape(center=(0, 0, 1), half_extents=(0.5, 0.4, 0.3)))
+
+
+def camera(eye=(0, -4, 1), target=(0, 0, 1), width=64, height=48, **options):
+    return look_at(eye, target, width=width, height=height, **options)
+
+
+def drawn(*colliders, seen_from=None):
+    return draw_scenery(colliders, seen_from or camera(), centre=np.array([0, 0, 1.0]), reach=2.0)
+
+
+coordinates = st.floats(-3, 3)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+
+
+@given(
+    eye=vectors, toward=vectors, shape=st.sampled_from([FLOOR.shape, BALL.shape, BOX.shape]), side=st.sampled_from(Side)
+)
+@settings(max_examples=300)
+def test_a_ray_ends_on_the_surface_and_nowhere_before(eye, toward, shape, side):
+    """Against the shapes' own signed distance: on it at the hit, and on the side of matter all the way."""
+    if np.linalg.norm(toward) < 0.1:
+        return
+    collider = Collider(shape=shape, side=side)
+    origin, ray = np.array(eye), np.array([toward])
+    depth = nearest_hits([collider], origin, ray).depth[0]
+    sign = 1 if side is Side.OUTSIDE else -1
+    if np.isfinite(depth):
+        # Rounding at coordinates of up to some hundred: grazing rays meet far away.
+        assert abs(shape.signed_distance(origin + depth * ray)[0]) < 1e-12 * (1 + depth) * 10
+    if sign * shape.signed_distance(origin[None])[0] > 1e-9:
+        # From where matter may be, nothing solid is on the way to the hit (or for ever).
+        steps = np.linspace(0, min(depth, 50.0), 200)[:, None]
+        assert (sign * shape.signed_distance(origin + steps * ray) > -1e-6).all()
+
+
+def test_the_nearest_of_several_is_met():
+    hit = nearest_hits([FLOOR, BALL], np.array([0.0, 0, 4]), np.array([[0.0, 0, -1], [1.0, 0, -1]]))
+    assert hit.depth == pytest.approx([2.5, 4.0])
+    assert hit.collider.tolist() == [1, 0]
+
+
+def test_what_stands_where_in_the_picture():
+    picture = drawn(BALL)
+    assert picture.depth[24, 32] == pytest.approx(3.5, rel=1e-3)
+    assert picture.alpha[24, 32] == 1 and picture.alpha[0, 0] == 0
+    assert np.isinf(picture.depth[0, 0])
+    # The silhouette is 0.5 / sqrt(4^2 - 0.5^2) * focal in radius; half a pixel on either side.
+    radius = 0.5 / np.sqrt(16 - 0.25) * camera().focal_x
+    assert (picture.alpha.sum() / np.pi) ** 0.5 == pytest.approx(radius, abs=0.5)
+
+
+def test_edges_are_smooth():
+    alpha = drawn(BALL).alpha
+    assert np.unique(alpha).tolist() == [0, 0.25, 0.5, 0.75, 1]
+
+
+def test_a_container_is_seen_from_within_and_through_its_near_wall():
+    container = Collider(shape=BOX.shape, side=Side.INSIDE)
+    assert drawn(container).depth[24, 32] == pytest.approx(4.4, rel=1e-3)
+    within = drawn(container, seen_from=camera(eye=(0, 0, 1), target=(0, 1, 1)))
+    assert np.isfinite(within.depth).all() and (within.alpha == 1).all()
+    assert within.depth[24, 32] == pytest.approx(0.4, rel=1e-3)
+
+
+def test_from_inside_an_obstacle_and_from_below_a_floor_there_is_nothing():
+    assert not drawn(BALL, seen_from=camera(eye=(0, 0, 1), target=(0, 1, 1))).alpha.any()
+    assert not drawn(FLOOR, seen_from=camera(eye=(0, 0, -1), target=(0, 0, 1))).alpha.any()
+
+
+def test_a_floor_fades_out_and_has_lines_a_round_length_apart():
+    straight_down = look_at((0, 0, 30), (0, 0, 0), width=301, height=301, field_of_view=70)
+    picture = draw_scenery([FLOOR], straight_down, centre=np.zeros(3), reach=2.0)
+    assert picture.alpha[150, 150] == 1
+    assert picture.alpha[0, 0] == 0
+    assert np.isfinite(picture.depth).all()
+    near = look_at((0.1, 0.1, 1), (0.1, 0.1, 0), width=400, height=400, field_of_view=90)
+    row = draw_scenery([FLOOR], near, centre=np.zeros(3), reach=2.0).colour[330, :, 0]
+    dark = np.flatnonzero(row < 0.95 * row.max())
+    lines = dark[np.flatnonzero(np.diff(np.concatenate([[-9], dark])) > 1)]
+    # reach / 4 = 0.5 m, the focal length is 200 px at depth 1.
+    assert np.diff(lines) == pytest.approx([100] * (len(lines) - 1), abs=2) and len(lines) >= 3
+
+
+def test_no_collider_is_a_transparent_picture():
+    picture = drawn()
+    assert not picture.alpha.any() and not picture.colour.any() and np.isinf(picture.depth).all()
+
+
+def test_one_picture_before_another():
+    def flat(value, alpha, depth):
+        shape = (1, 1)
+        return Picture(
+            colour=np.full((1, 1, 3), value * alpha, np.float32),
+            alpha=np.full(shape, alpha, np.float32),
+            depth=np.full(shape, depth, np.float32),
+        )
+
+    both = flat(1.0, 0.25, 1.0).before(flat(0.5, 0.5, 2.0))
+    assert both.alpha[0, 0] == pytest.approx(0.25 + 0.75 * 0.5)
+    assert both.colour[0, 0, 0] == pytest.approx(0.25 + 0.75 * 0.25)
+    assert both.depth[0, 0] == 1.0
+    assert flat(1.0, 0.0, np.inf).before(flat(0.5, 0.5, 2.0)).depth[0, 0] == 2.0
+    assert flat(1.0, 0.25, 1.0).over(np.array([0.0, 0.0, 1.0]))[0, 0] == pytest.approx([0.25, 0.25, 1.0])
+
+
+class Disc:
+    """A renderer that sees a ball of radius 0.2 about each mean, opaque."""
+
+    def render(self, splats, camera, *, occluders=None):
+        places, depths = camera.project(splats.means)
+        y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+        alpha = np.zeros((camera.height, camera.width), np.float32)
+        for place, depth in zip(places, depths):
+            alpha[np.hypot(x - place[0], y - place[1]) < 0.2 * camera.focal_x / depth] = 1
+        return Picture(colour=np.zeros((*alpha.shape, 3), np.float32), alpha=alpha, depth=alpha)
+
+
+def test_a_shadow_falls_where_the_lamp_says():
+    from gasp_core.rendering.scenery import LIGHT
+
+    eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
+    motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]))
+    scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
+    shadowed = ShadowedScenery.of(scenery, eye, motion)
+    mean = np.array([[0.1, -0.2, 1.0]])
+    splats = Splats(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
+    dark = 1 - shadowed.under(splats, Disc()).colour[:, :, 0] / scenery.colour[:, :, 0]
+    y, x = np.mgrid[:200, :200] + 0.5
+    found = np.array([(dark * x).sum(), (dark * y).sum()]) / dark.sum()
+    (expected,), _ = eye.project(mean - LIGHT / LIGHT[2] * mean[0, 2])
+    # The lamp is 30 sizes away: parallel to 1/60 of a metre here, under a pixel of the map; so are the blur's edges.
+    assert found == pytest.approx(expected, abs=1.0)
+    assert dark.max() == pytest.approx(0.45, abs=0.01)
+    # A ball's shadow covers pi r^2 / cos(slope) of a floor.
+    area = dark.sum() / 0.45 * (6 / eye.focal_x) ** 2
+    assert area == pytest.approx(np.pi * 0.04 / (LIGHT[2] / np.linalg.norm(LIGHT)), rel=0.05)
+    assert np.array_equal(shadowed.under(splats, Disc()).alpha, scenery.alpha)
