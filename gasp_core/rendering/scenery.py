@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ _LINE = 0.86
 """Brightness of the grid's lines."""
 _LINE_SHARE = 0.03
 """Width of a line over the distance between two."""
+_EDGE = 0.04
+"""Difference of neighbouring pixels from which several rays are cast."""
 _SAMPLES = ((0.25, 0.125), (-0.125, 0.25), (-0.25, -0.125), (0.125, -0.25))
 """Rays of a pixel, off its centre: rotated grid, so that level and upright edges are smooth too."""
 
@@ -80,14 +82,56 @@ def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array
     if not colliders:
         nothing = np.zeros((*shape, 3), np.float32)
         return Picture(colour=nothing, alpha=nothing[:, :, 0], depth=np.full(shape, np.inf, np.float32))
-    colour, alpha = np.zeros((*shape, 3)), np.zeros(shape)
+    look = _Look(
+        colliders=colliders,
+        eye=camera.position,
+        pixel=1 / min(camera.focal_x, camera.focal_y),
+        centre=np.asarray(centre),
+        reach=reach,
+    )
+    rays = camera.rays().reshape(-1, 3)
+    colour, alpha, depth = _shaded(look, rays)
+    rough = np.flatnonzero(_edges(colour.reshape(*shape, 3), alpha.reshape(shape)))
+    colour[rough], alpha[rough] = _smoothed(look, rays[rough], camera)
+    return Picture(
+        colour=colour.reshape(*shape, 3).astype(np.float32),
+        alpha=alpha.reshape(shape).astype(np.float32),
+        depth=depth.reshape(shape).astype(np.float32),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """What rays meet, and how it is to look."""
+
+    colliders: Sequence[Collider]
+    eye: Array
+    pixel: float
+    """Width of a pixel at depth 1."""
+    centre: Array
+    reach: float
+
+
+def _edges(colour: Array, alpha: Array) -> Array:
+    """Mask (H W,) of the pixels that differ from a neighbour by more than shading does."""
+    rough = np.zeros(alpha.shape, dtype=bool)
+    for values in (*np.moveaxis(colour, 2, 0), alpha):
+        for axis in (0, 1):
+            step = np.abs(np.diff(values, axis=axis)) > _EDGE
+            rough |= np.pad(step, [(int(axis == k), 0) for k in (0, 1)])
+            rough |= np.pad(step, [(0, int(axis == k)) for k in (0, 1)])
+    return rough.reshape(-1)
+
+
+def _smoothed(look: _Look, rays: Array, camera: Camera) -> tuple[Array, Array]:
+    """Mean premultiplied colours (N, 3) and weights (N,) of several rays through each pixel."""
+    colour, alpha = np.zeros((len(rays), 3)), np.zeros(len(rays))
     for across, down in _SAMPLES:
-        moved = replace(camera, center_x=camera.center_x + across, center_y=camera.center_y + down)
-        shades, weight = _shaded(colliders, moved, np.asarray(centre), reach)
-        colour += weight[:, :, None] * shades / len(_SAMPLES)
+        aside = across / camera.focal_x * camera.rotation[0] + down / camera.focal_y * camera.rotation[1]
+        shade, weight, _ = _shaded(look, rays + aside)
+        colour += shade / len(_SAMPLES)
         alpha += weight / len(_SAMPLES)
-    hit = nearest_hits(colliders, camera.position, camera.rays())
-    return Picture(colour=colour.astype(np.float32), alpha=alpha.astype(np.float32), depth=hit.depth.astype(np.float32))
+    return colour, alpha
 
 
 def _distances(collider: Collider, origin: Array, rays: Array) -> Array:
@@ -130,31 +174,29 @@ def _sphere(shape: SphereShape, origin: Array, rays: Array) -> tuple[Array, Arra
     return np.where(missed, np.inf, (-b - root) / a), np.where(missed, -np.inf, (-b + root) / a)
 
 
-def _shaded(colliders: Sequence[Collider], camera: Camera, centre: Array, reach: float) -> tuple[Array, Array]:
-    """Colours (H, W, 3) and weights (H, W) of what the rays of a camera meet."""
-    rays, eye = camera.rays(), camera.position
-    hit = nearest_hits(colliders, eye, rays)
-    colour, weight = np.zeros(rays.shape), np.zeros(rays.shape[:2])
-    for index, collider in enumerate(colliders):
-        met = hit.collider == index
-        if not met.any():
+def _shaded(look: _Look, rays: Array) -> tuple[Array, Array, Array]:
+    """Premultiplied colours (N, 3), weights (N,) and depths (N,) of what rays (N, 3) from the eye meet."""
+    hit = nearest_hits(look.colliders, look.eye, rays)
+    colour, weight = np.zeros(rays.shape), np.zeros(len(rays))
+    for index, collider in enumerate(look.colliders):
+        met = np.flatnonzero(hit.collider == index)
+        if len(met) == 0:
             continue
-        position = eye + hit.depth[met][:, None] * rays[met]
+        position = look.eye + hit.depth[met][:, None] * rays[met]
         shape = collider.shape
-        normal = shape.outward_normal(position) * (-1.0 if collider.side is Side.INSIDE else 1.0)
-        light = _AMBIENT + (1 - _AMBIENT) * np.maximum(normal @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
         if isinstance(shape, HalfSpace):
-            away = np.linalg.norm(position - centre, axis=1) / reach
+            normal = np.asarray(shape.normal)
+            away = np.linalg.norm(position - look.centre, axis=1) / look.reach
             weight[met] = _smoothstep(4.5, 1.5, away)
-            blur = hit.depth[met] / min(camera.focal_x, camera.focal_y)
-            slant = np.abs(np.einsum("ni,ni->n", rays[met], normal)) / np.linalg.norm(rays[met], axis=1)
-            colour[met] = (_GROUND * (light / light.max())[:, None]) * _grid(position, normal[0], reach, blur / slant)[
-                :, None
-            ]
+            slant = np.abs(rays[met] @ normal) / np.linalg.norm(rays[met], axis=1)
+            brightness = _grid(position, normal, look.reach, hit.depth[met] * look.pixel / slant)
+            colour[met] = _GROUND * (weight[met] * brightness)[:, None]
         else:
+            normals = shape.outward_normal(position) * (-1.0 if collider.side is Side.INSIDE else 1.0)
+            light = _AMBIENT + (1 - _AMBIENT) * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
             weight[met] = 1.0
             colour[met] = _SOLID * light[:, None]
-    return colour, weight
+    return colour, weight, hit.depth
 
 
 def _grid(position: Array, normal: Array, reach: float, blur: Array) -> Array:

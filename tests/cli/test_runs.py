@@ -150,7 +150,11 @@ def test_demo_makes_a_scene_one_can_go_on_with(gasp, workplace):
     fallen = (first.means - second.means)[:, 2].mean()
     substeps = Recording.open(folder / "toy.gasp").diagnostics(1)["substeps"]
     assert fallen == pytest.approx(9.81 * 0.04**2 / 2, rel=1 / substeps + 1e-4)
-    for hint in (f"gasp run {folder.name}/scene.toml", f"gasp export {folder.name}/toy.gasp", f"gasp view {folder.name}/toy.gasp"):
+    for hint in (
+        f"gasp run {folder.name}/scene.toml",
+        f"gasp export {folder.name}/toy.gasp",
+        f"gasp view {folder.name}/toy.gasp",
+    ):
         assert hint in outcome.out
     again = gasp("run", folder / "scene.toml", "--out", "mine.gasp", "--frames", 1)
     assert (again.status, again.err) == (0, "")
