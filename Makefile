@@ -4,8 +4,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-OWN := . plugins/reference_mpm plugins/taichi_mpm conformance_tests
-NAMES := gasp-core gasp-reference-mpm gasp-taichi-mpm gasp-conformance
+OWN := . plugins/reference_mpm plugins/taichi_mpm plugins/renderer plugins/viewer conformance_tests
+NAMES := gasp-core gasp-reference-mpm gasp-taichi-mpm gasp-renderer gasp-viewer gasp-conformance
 GASP_DATA ?= ../shared/data
 export GASP_DATA
 export ENABLE_TAICHI_HEADER_PRINT := 0
@@ -30,7 +30,7 @@ $(STAMP): requirements.lock pyproject.toml $(wildcard plugins/*/pyproject.toml) 
 install: $(STAMP) ## Build the environment in .venv
 
 .PHONY: demo
-demo: $(STAMP) ## Drop a soft toy: splat in, splats out
+demo: $(STAMP) ## Drop a soft toy: a film, key frames, splats
 	@$(BIN)/gasp demo
 
 .PHONY: check
