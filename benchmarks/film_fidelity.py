@@ -7,6 +7,8 @@ the pictures; the decoded film is compared with the pictures, frame by frame.
 """
 
 import argparse
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -46,6 +48,14 @@ def timed(*arguments, **options):
     return time.perf_counter() - start
 
 
+def first_picture(run, out, size):
+    """Seconds of a process that paints one picture; the first of several may have to compile."""
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "gasp_core.cli.main", "render", run, "--frame", "0", "--size", size, "-o", out]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", nargs="?", type=Path)
@@ -55,8 +65,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         run = gasp.Recording.open(arguments.run or a_run(folder))
-        # The first picture pays for compiling, or for reading what was compiled.
-        first = timed(run, folder / "first.png", size=(width, height), frames=[0])
+        first = min(first_picture(run.path, folder / "first.png", arguments.size) for _ in range(3))
         film = timed(run, folder / "film.mp4", size=(width, height), progress=True)
         pictures = timed(run, folder / "frames", size=(width, height), progress=True)
         found = [
@@ -68,7 +77,9 @@ def main():
     print(f"{run.path.name}: {count} frames of {len(run.reference):,} Gaussians, {width}x{height}")
     print(f"decoded film against pictures   least {min(found):.1f} dB, mean {np.mean(found):.1f} dB")
     print(f"size of the film                {size / 1e6:.2f} MB, {8 * size / count / 1e3:.0f} kbit a frame")
-    print(f"first picture                   {first:.2f} s")
+    print(
+        f"gasp render --frame 0           {first:.2f} s, a process of its own, kernels compiled before; least of three"
+    )
     print(f"film                            {1e3 * film / count:.0f} ms a frame")
     print(f"pictures                        {1e3 * pictures / count:.0f} ms a frame")
 

@@ -56,6 +56,7 @@ class ShadowedScenery:
 
     def under(self, splats: Splats, renderer: SplatRenderer) -> Picture:
         """The scenery with the shadow of splats on it."""
+        # Slow to import.
         from scipy.ndimage import gaussian_filter, map_coordinates
 
         cast = gaussian_filter(renderer.render(splats, self.lamp).alpha, _SOFTNESS)

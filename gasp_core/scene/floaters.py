@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from gasp_core.scene.placement import robust_box
 
@@ -50,6 +48,10 @@ def floating(means: Array) -> Array:
 
 def component_sizes(positions: Array, spacing: float) -> Array:
     """Number of positions (N, 3) in the connected component of occupied voxels that each is in, (N,)."""
+    # Slow to import, and who looks at a finished run does not need it.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     index = np.floor(positions / spacing)
     index = np.clip(index, -_FARTHEST + 2, _FARTHEST - 2).astype(np.int64) + _FARTHEST
     stride = 2 * _FARTHEST
