@@ -12,31 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gasp_conformance.checks import MARK
+from gasp_conformance.ledger import FIGURE, Ledger
+
 if TYPE_CHECKING:
     from gasp_conformance.subject import Subject
 
 __all__ = ["Ledger", "ledger", "oracle", "subject"]
 
-_PROPERTY = "gasp figure"
 _SUBJECT = pytest.StashKey["Subject | None"]()
 _ORACLE = pytest.StashKey["Subject | None"]()
-
-
-class Ledger:
-    """Records what a case measured beside what it was allowed, and holds the one against the other."""
-
-    def __init__(self, record: Any) -> None:
-        self._record = record
-
-    def at_most(self, case: str, figure: str, value: float, bound: float) -> None:
-        """|value| <= bound."""
-        self._record(_PROPERTY, {"case": case, "figure": figure, "value": float(value), "bound": f"<= {bound:.3g}"})
-        assert abs(value) <= bound, f"{case}: {figure} is {value:.4g}, bound {bound:.4g}"
-
-    def at_least(self, case: str, figure: str, value: float, bound: float) -> None:
-        """Value >= bound."""
-        self._record(_PROPERTY, {"case": case, "figure": figure, "value": float(value), "bound": f">= {bound:.5g}"})
-        assert value >= bound, f"{case}: {figure} is {value:.4g}, bound {bound:.4g}"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -53,6 +38,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Find the engines before anything is collected, so that a misspelt name is one line and not a page."""
+    config.addinivalue_line("markers", f"{MARK}(check): a check of the suite")
     config.stash[_SUBJECT] = config.stash[_ORACLE] = None
     names = [config.getoption("--gasp-engine"), config.getoption("--gasp-oracle")]
     if not any(names):
@@ -111,9 +97,9 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, o
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """One line a figure."""
     reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]
-    figures = [value for report in reports for name, value in report.user_properties if name == _PROPERTY]
+    figures = [value for report in reports for name, value in report.user_properties if name == FIGURE]
     if not figures:
         return
     terminalreporter.section("figures")
     for figure in sorted(figures, key=lambda one: one["case"]):
-        terminalreporter.line("{case:<22} {figure:<46} {value:>11.4g}   {bound}".format(**figure))
+        terminalreporter.line("{case:<22} {figure:<46} {value:>11.4g}   {sense} {bound:.5g}".format(**figure))

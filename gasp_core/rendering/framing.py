@@ -15,10 +15,9 @@ from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.footage import Footage
 from gasp_core.scene.placement import robust_box
 
-__all__ = ["VIEWS", "Box", "Motion", "frame_box", "frame_motion", "motion_box", "motion_of", "turntable"]
+__all__ = ["VIEWS", "Motion", "frame_motion", "motion_of", "turntable"]
 
 Array = NDArray[Any]
-Box = tuple[Array, Array]
 
 VIEWS: dict[str, tuple[float, float]] = {
     "three-quarter": (35.0, 18.0),
@@ -156,15 +155,3 @@ def _distance(motion: Motion, aim: Array, toward: Array, width: int, height: int
     across = np.abs(points[:, 0]) * _MARGIN * 2 * camera.focal_x / width
     down = np.abs(points[:, 1]) * _MARGIN * 2 * camera.focal_y / height
     return max(float((np.maximum(across, down) - points[:, 2]).max()), 0.1 * motion.reach)
-
-
-def motion_box(footage: Footage, frames: Sequence[int] | None = None) -> Box:
-    """Corners of the box around a motion."""
-    motion = motion_of(footage, frames)
-    return motion.lower, motion.upper
-
-
-def frame_box(box: Box, *, width: int, height: int, around: float, above: float) -> Camera:
-    """A camera that sees all of a box."""
-    corners = np.array(np.meshgrid(*zip(*box))).reshape(3, -1).T
-    return frame_motion(Motion(points=corners), width=width, height=height, around=around, above=above)
