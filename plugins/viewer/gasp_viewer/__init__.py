@@ -1,0 +1,1 @@
+"""`gasp view`: recordings and splat files in the browser, by viser."""

@@ -1,0 +1,106 @@
+"""Colliders as shapes on the stage: obstacles are solid, containers are drawn by their edges."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from gasp_core.engine.forcing import Collider, Side
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.gaussians import rotation_quaternions
+from gasp_viewer.colouring import round_up
+from gasp_viewer.stage import SIZE, Stage
+
+__all__ = ["add_scenery", "box_edges", "grid_cell", "plane_pose"]
+
+Array = NDArray[Any]
+
+_SOLID = (150, 158, 170)
+_EDGE = (110, 118, 128)
+_PLANE = (232, 234, 237)
+_AMBIENT = 1.5
+"""With viser's own lights: faces have about the colours of the legend, and solids still have a shape."""
+_PLANE_SIZE = 6 * SIZE
+
+
+def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Stage) -> None:
+    """Put colliders and lights on the stage."""
+    scene.configure_default_lights(cast_shadow=False)
+    scene.add_light_ambient("/light", intensity=_AMBIENT)
+    for index, collider in enumerate(colliders):
+        name, contains = f"/colliders/{index}", collider.side is Side.INSIDE
+        match collider.shape:
+            case HalfSpace():
+                _add_plane(scene, name, collider.shape, stage, contains)
+            case BoxShape() as box:
+                if contains:
+                    edges = stage.place(box_edges(box)).astype(np.float32)
+                    scene.add_line_segments(name, points=edges, colors=_EDGE, thickness=2, thickness_units="screen")
+                else:
+                    scene.add_box(
+                        name,
+                        color=_SOLID,
+                        dimensions=2 * np.asarray(box.half_extents) * stage.unit,
+                        position=stage.place(np.asarray(box.center)),
+                        cast_shadow=False,
+                        receive_shadow=False,
+                    )
+            case SphereShape() as sphere:
+                scene.add_icosphere(
+                    name,
+                    radius=sphere.radius * stage.unit,
+                    color=_EDGE if contains else _SOLID,
+                    subdivisions=2 if contains else 4,
+                    wireframe=contains,
+                    position=stage.place(np.asarray(sphere.center)),
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
+
+
+def grid_cell(stage: Stage) -> float:
+    """Side of a plane's grid cells [m]: a round length, about a tenth of what is shown."""
+    return round_up(SIZE / stage.unit / 12)
+
+
+def plane_pose(plane: HalfSpace, middle: Array) -> tuple[Array, Array]:
+    """Foot of a plane below a point `middle` (3,) [m], and the quaternion w x y z that turns +z to its normal."""
+    normal = np.asarray(plane.normal, dtype=np.float64)
+    foot = middle - ((middle - np.asarray(plane.point)) @ normal) * normal
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    if abs(normal[2]) == 1.0:
+        # Level ground keeps its grid along the axes.
+        first = np.array([1.0, 0.0, 0.0])
+    turn = np.stack([first, np.cross(normal, first), normal], axis=1)
+    return foot, rotation_quaternions(turn[None])[0]
+
+
+def box_edges(box: BoxShape) -> Array:
+    """The twelve edges of a box, (12, 2, 3) [m]."""
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    pairs = [(a, b) for a, b in itertools.combinations(range(8), 2) if np.abs(corners[a] - corners[b]).sum() == 2]
+    return np.asarray(box.center) + corners[np.array(pairs)] * np.asarray(box.half_extents)
+
+
+def _add_plane(scene: viser.SceneApi, name: str, plane: HalfSpace, stage: Stage, contains: bool) -> None:
+    foot, quaternion = plane_pose(plane, stage.origin)
+    scene.add_grid(
+        name,
+        width=_PLANE_SIZE,
+        height=_PLANE_SIZE,
+        plane="xy",
+        cell_size=grid_cell(stage) * stage.unit,
+        section_size=5 * grid_cell(stage) * stage.unit,
+        fade_distance=2 * _PLANE_SIZE,
+        shadow_opacity=0.0,
+        plane_color=_PLANE,
+        plane_opacity=0.0 if contains else 0.7,
+        wxyz=quaternion,
+        position=stage.place(foot),
+    )
