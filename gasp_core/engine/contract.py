@@ -272,7 +272,15 @@ class EngineSession(Protocol):
         ...
 
     def advance_to(self, time: float) -> StepReport:
-        """Advance to exactly `time` [s]; the substeps are the engine's business."""
+        """Advance to exactly `time` [s]; the substeps are the engine's business.
+
+        Advancing to the present does nothing, in no substeps.
+
+        Raises
+        ------
+        ValueError
+            Where `time` is before the session's, or not finite. The session stays as it is and can go on.
+        """
         ...
 
     def read(self, fields: frozenset[Field]) -> PointState:
@@ -284,7 +292,7 @@ class EngineSession(Protocol):
         ...
 
     def close(self) -> None:
-        """Release everything; may be called twice."""
+        """Release everything; may be called twice. Whatever is asked of a closed session then raises ValueError."""
         ...
 
     def __enter__(self) -> Self: ...
