@@ -19,6 +19,9 @@ Array = NDArray[Any]
 LARGEST_SIDE = 16_384
 """Pixels; more is a mistake in the units rather than a picture."""
 
+_BAND = 2**16
+"""Pixels."""
+
 _ORTHOGONAL = 1e-3
 """Largest entry of R R^T - 1 of a rotation read from a file with few digits."""
 
@@ -121,13 +124,18 @@ class Camera:
             y = self.focal_y * seen[:, 1] / depth + self.center_y
         return np.stack([x, y], axis=1), depth
 
-    def rays(self) -> Array:
-        """Directions in the world through all pixel centres, (H, W, 3), of unit length along the axis of view.
+    def bands(self) -> list[slice]:
+        """All rows of the picture, a few at a time: what is computed for a band stays in the cache."""
+        rows = max(1, _BAND // self.width)
+        return [slice(start, min(start + rows, self.height)) for start in range(0, self.height, rows)]
+
+    def rays(self, rows: slice = slice(None)) -> Array:
+        """Directions in the world through all pixel centres of rows, (H, W, 3), of unit length along the axis of view.
 
         Eye + depth * ray is what stands at that depth.
         """
         x = (np.arange(self.width) + 0.5 - self.center_x) / self.focal_x
-        y = (np.arange(self.height) + 0.5 - self.center_y) / self.focal_y
+        y = (np.arange(self.height)[rows] + 0.5 - self.center_y) / self.focal_y
         across, down = np.meshgrid(x, y)
         return np.stack([across, down, np.ones_like(across)], axis=2) @ self.rotation
 

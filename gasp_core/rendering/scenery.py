@@ -89,15 +89,19 @@ def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array
         centre=np.asarray(centre),
         reach=reach,
     )
-    rays = camera.rays().reshape(-1, 3)
-    colour, alpha, depth = _shaded(look, rays)
-    rough = np.flatnonzero(_edges(colour.reshape(*shape, 3), alpha.reshape(shape)))
-    colour[rough], alpha[rough] = _smoothed(look, rays[rough], camera)
-    return Picture(
-        colour=colour.reshape(*shape, 3).astype(np.float32),
-        alpha=alpha.reshape(shape).astype(np.float32),
-        depth=depth.reshape(shape).astype(np.float32),
+    picture = Picture(
+        colour=np.empty((*shape, 3), np.float32), alpha=np.empty(shape, np.float32), depth=np.empty(shape, np.float32)
     )
+    for rows in camera.bands():
+        colour, alpha, depth = _shaded(look, camera.rays(rows).reshape(-1, 3))
+        picture.colour[rows] = colour.reshape(-1, camera.width, 3)
+        picture.alpha[rows] = alpha.reshape(-1, camera.width)
+        picture.depth[rows] = depth.reshape(-1, camera.width)
+    rough = _edges(picture.colour, picture.alpha)
+    for rows in camera.bands():
+        here = rough[rows]
+        picture.colour[rows][here], picture.alpha[rows][here] = _smoothed(look, camera.rays(rows)[here], camera)
+    return picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,14 +117,14 @@ class _Look:
 
 
 def _edges(colour: Array, alpha: Array) -> Array:
-    """Mask (H W,) of the pixels that differ from a neighbour by more than shading does."""
+    """Mask (H, W) of the pixels that differ from a neighbour by more than shading does."""
     rough = np.zeros(alpha.shape, dtype=bool)
     for values in (*np.moveaxis(colour, 2, 0), alpha):
         for axis in (0, 1):
             step = np.abs(np.diff(values, axis=axis)) > _EDGE
             rough |= np.pad(step, [(int(axis == k), 0) for k in (0, 1)])
             rough |= np.pad(step, [(0, int(axis == k)) for k in (0, 1)])
-    return rough.reshape(-1)
+    return rough
 
 
 def _smoothed(look: _Look, rays: Array, camera: Camera) -> tuple[Array, Array]:

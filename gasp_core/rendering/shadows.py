@@ -25,6 +25,8 @@ _FAR = 30.0
 _SOFTNESS = 2.0
 """Blur of the shadow [px of its map]: a map's pixels would show otherwise."""
 _DARKNESS = 0.45
+_OUTSIDE = -1e6
+"""A place in no picture: there is no shadow beyond the map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +39,8 @@ class ShadowedScenery:
         Without shadow.
     lamp
         The camera that looks from the lamp.
-    places : (H W, 2) [px]
-        In the lamp's picture; NaN where there is no scenery.
+    places : (H, W, 2) float32 [px]
+        Down and across in the lamp's picture, from the middle of its first pixel; far outside where there is none.
     """
 
     scenery: Picture
@@ -49,9 +51,13 @@ class ShadowedScenery:
     def of(cls, scenery: Picture, camera: Camera, motion: Motion) -> ShadowedScenery:
         """From the scenery that a camera sees."""
         lamp = _lamp(motion)
-        depth = scenery.depth.astype(np.float64)
-        positions = camera.position + np.where(np.isfinite(depth), depth, np.nan)[:, :, None] * camera.rays()
-        places, _ = lamp.project(positions.reshape(-1, 3))
+        places = np.full((*scenery.depth.shape, 2), _OUTSIDE, np.float32)
+        for rows in camera.bands():
+            met = np.isfinite(scenery.depth[rows])
+            depth = scenery.depth[rows][met].astype(np.float64)
+            seen, _ = lamp.project(camera.position + depth[:, None] * camera.rays(rows)[met])
+            # Pixel k's centre is at k + 1/2.
+            places[rows][met] = np.clip(seen[:, ::-1] - 0.5, _OUTSIDE, -_OUTSIDE)
         return cls(scenery=scenery, lamp=lamp, places=places)
 
     def under(self, splats: Splats, renderer: SplatRenderer) -> Picture:
@@ -60,11 +66,9 @@ class ShadowedScenery:
         from scipy.ndimage import gaussian_filter, map_coordinates
 
         cast = gaussian_filter(renderer.render(splats, self.lamp).alpha, _SOFTNESS)
-        # Pixel k's centre is at k + 1/2; beyond the map and where nothing stands there is no shadow.
-        where = np.nan_to_num(self.places - 0.5, nan=-1e6)[:, ::-1].T
+        where = np.moveaxis(self.places, 2, 0)
         shade = map_coordinates(cast, where, order=1, mode="constant", cval=0.0, prefilter=False)
-        light = (1 - _DARKNESS * shade.reshape(self.scenery.alpha.shape)).astype(np.float32)
-        return replace(self.scenery, colour=self.scenery.colour * light[:, :, None])
+        return replace(self.scenery, colour=self.scenery.colour * (1 - np.float32(_DARKNESS) * shade)[:, :, None])
 
 
 def _lamp(motion: Motion) -> Camera:
