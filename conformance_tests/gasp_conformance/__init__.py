@@ -1,5 +1,4 @@
-"""The checks every GASP point engine has to pass; it names no engine.
+"""The checks every GASP point engine has to pass: a pytest plugin that names no engine.
 
-gasp-conformance NAME [--quick] [--json FILE]
-pytest --pyargs gasp_conformance --gasp-engine=NAME
+pytest --pyargs gasp_conformance --gasp-engine=NAME [--gasp-precision=float32] [--gasp-oracle=OTHER]
 """

@@ -30,28 +30,16 @@ class Undeclared(UnsupportedSceneError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """An engine and the precision it is run in.
-
-    Parameters
-    ----------
-    distribution
-        That brings it; "" where none does.
-    """
+    """An engine and the precision it is run in."""
 
     descriptor: EngineDescriptor
     engine: PointEngine
     precision: Precision
-    distribution: str = ""
 
     @property
     def name(self) -> str:
         """As users write it."""
         return self.descriptor.name
-
-    @property
-    def device(self) -> str:
-        """The engine's default device, which it is run on."""
-        return self.descriptor.capabilities.devices[0]
 
     @property
     def is_double(self) -> bool:
@@ -74,7 +62,7 @@ class Subject:
         options = self.descriptor.options
         return self.engine.open(
             problem,
-            device=self.device,
+            device=self.descriptor.capabilities.devices[0],
             precision=self.precision,
             seed=0,
             accuracy=accuracy,
@@ -140,14 +128,9 @@ def find_subject(name: str, precision: Precision | None) -> Subject:
         Where it does not run in that precision.
     """
     registry = discover()
-    offer = registry.offer(name)
-    offered = offer.descriptor.capabilities.precisions
+    descriptor = registry.descriptor(name)
+    offered = descriptor.capabilities.precisions
     if precision is not None and precision not in offered:
         known = ", ".join(one.value for one in offered)
         raise UnsupportedSceneError(f"{name} does not run in {precision.value}; it runs in {known}")
-    return Subject(
-        descriptor=offer.descriptor,
-        engine=registry.load(name),
-        precision=precision or offered[0],
-        distribution=offer.distribution,
-    )
+    return Subject(descriptor=descriptor, engine=registry.load(name), precision=precision or offered[0])

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gasp_conformance import cases, oracles
-from gasp_conformance.checks import Level, check
-from gasp_conformance.ledger import Ledger
 from gasp_conformance.observables import observed_order
+from gasp_conformance.pytest_plugin import Ledger
 from gasp_conformance.subject import Subject
 from gasp_core.engine.contract import Quantity
 from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
@@ -16,7 +15,6 @@ from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
 DENSITY = 1000.0
 
 
-@check("V1", Level.VERIFICATION)
 @pytest.mark.parametrize(
     "material",
     [
@@ -34,7 +32,6 @@ def test_v1_free_fall(subject: Subject, ledger: Ledger, material: Elastic | NeoH
     ledger.at_most(f"V1 {material.kind}", "largest error [m]", fall.error, 1.05 * fall.euler_error + 1e-5)
 
 
-@check("V2", Level.VERIFICATION)
 def test_v2_drift(subject: Subject, ledger: Ledger) -> None:
     drift = cases.block_drifts(subject)
     # Transfers keep affine fields up to rounding; a second is some hundred substeps of ~10 roundings of a coordinate of
@@ -43,7 +40,6 @@ def test_v2_drift(subject: Subject, ledger: Ledger) -> None:
     ledger.at_most("V2", "momentum error", drift.momentum_error, 1e-12 if subject.is_double else 1e-5)
 
 
-@check("V3", Level.CONVERGENCE)
 def test_v3_free_bar_converges(subject: Subject, ledger: Ledger) -> None:
     cells = np.array([8, 16, 32])
     errors = np.array([cases.bar_rings(subject, int(count)) for count in cells])
@@ -54,7 +50,6 @@ def test_v3_free_bar_converges(subject: Subject, ledger: Ledger) -> None:
     ledger.at_least("V3", "order over 8, 16, 32 cells", observed_order(1 / cells, errors), 1.8)
 
 
-@check("V5", Level.VERIFICATION)
 def test_v5_column_under_sudden_weight(subject: Subject, ledger: Ledger) -> None:
     cells = 16
     column = cases.column_sinks(subject, cells)
@@ -66,8 +61,7 @@ def test_v5_column_under_sudden_weight(subject: Subject, ledger: Ledger) -> None
     ledger.at_most("V5 16 cells", "free fall of the head error", column.fall_error, 0.5 / cells)
 
 
-@check("V8", Level.VERIFICATION)
-@pytest.mark.parametrize("cells", [4, 8, 16], ids=lambda cells: f"{cells} cells")
+@pytest.mark.parametrize("cells", [4, 8, 16])
 def test_v8_rigid_spin(subject: Subject, ledger: Ledger, cells: int) -> None:
     kept = cases.block_spins(subject, cells)
     conserves = Quantity.ANGULAR_MOMENTUM in subject.descriptor.capabilities.conserved
@@ -79,7 +73,6 @@ def test_v8_rigid_spin(subject: Subject, ledger: Ledger, cells: int) -> None:
         ledger.at_least(f"V8 {cells} cells", "spin kept", kept, 0.9999)
 
 
-@check("V10", Level.VERIFICATION)
 def test_v10_bars_collide(subject: Subject, ledger: Ledger) -> None:
     cells = 32
     bars = cases.bars_collide(subject, cells)
@@ -91,7 +84,6 @@ def test_v10_bars_collide(subject: Subject, ledger: Ledger) -> None:
     ledger.at_most(f"V10 {cells} cells", "1 - restitution", 1 - bars.restitution, 7.5 / cells)
 
 
-@check("V12", Level.VERIFICATION)
 def test_v12_incline(subject: Subject, ledger: Ledger) -> None:
     slide = cases.block_slides(subject)
     # Coulomb's law is applied node by node to impulses that add up to the weight: what is left are sways of the block.
