@@ -78,9 +78,8 @@ class ReferenceSession:
         Raises
         ------
         ValueError
-            Where `time` lies in the past or is not finite, or the session is closed.
+            Where `time` lies in the past or is not finite.
         """
-        self._living()
         if not (math.isfinite(time) and time >= self._time):
             raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
         steps: list[float] = []

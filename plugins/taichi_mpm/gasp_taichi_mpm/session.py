@@ -250,7 +250,7 @@ class TaichiSession:
 
     def _open_cloud(self) -> Cloud:
         if self._cloud is None:
-            raise ValueError("taichi-mpm: the session is closed: open a new one")
+            raise SceneError("taichi-mpm: the session is closed: open a new one")
         return self._cloud
 
     def __enter__(self) -> Self:

@@ -111,7 +111,7 @@ def test_what_is_read_is_owned_and_read_only(kit):
         with pytest.raises(ValueError, match="read-only"):
             before.positions[0, 0] = 1
     session.close()
-    with pytest.raises(ValueError, match="closed"):
+    with pytest.raises(SceneError, match="closed"):
         session.advance_to(1.0)
 
 
