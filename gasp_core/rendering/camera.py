@@ -129,15 +129,19 @@ class Camera:
         rows = max(1, _BAND // self.width)
         return [slice(start, min(start + rows, self.height)) for start in range(0, self.height, rows)]
 
+    def slopes(self, rows: slice = slice(None)) -> tuple[Array, Array]:
+        """x / z (1, W) and y / z (H, 1) of the pixel centres of rows, in the camera's frame."""
+        x = (np.arange(self.width) + 0.5 - self.center_x) / self.focal_x
+        y = (np.arange(self.height)[rows] + 0.5 - self.center_y) / self.focal_y
+        return x[None, :], y[:, None]
+
     def rays(self, rows: slice = slice(None)) -> Array:
         """Directions in the world through all pixel centres of rows, (H, W, 3), of unit length along the axis of view.
 
         Eye + depth * ray is what stands at that depth.
         """
-        x = (np.arange(self.width) + 0.5 - self.center_x) / self.focal_x
-        y = (np.arange(self.height)[rows] + 0.5 - self.center_y) / self.focal_y
-        across, down = np.meshgrid(x, y)
-        return np.stack([across, down, np.ones_like(across)], axis=2) @ self.rotation
+        x, y = self.slopes(rows)
+        return x[:, :, None] * self.rotation[0] + (y[:, :, None] * self.rotation[1] + self.rotation[2])
 
 
 def look_at(

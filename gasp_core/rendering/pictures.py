@@ -21,12 +21,16 @@ __all__ = ["PictureFile", "PictureFolder", "write_png"]
 Array = NDArray[Any]
 
 
+_COMPRESSION = 4
+"""Of zlib: a tenth larger than its default 6, in half the time."""
+
+
 def write_png(path: Path, picture: Array) -> None:
     """Write a picture (H, W, 3 | 4) uint8."""
     from PIL import Image
 
     with replacing(path) as stream:
-        Image.fromarray(picture).save(stream, format="PNG")
+        Image.fromarray(picture).save(stream, format="PNG", compress_level=_COMPRESSION)
 
 
 class PictureFile:

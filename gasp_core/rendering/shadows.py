@@ -39,7 +39,7 @@ class ShadowedScenery:
         Without shadow.
     lamp
         The camera that looks from the lamp.
-    places : (H, W, 2) float32 [px]
+    places : (2, H, W) float32 [px]
         Down and across in the lamp's picture, from the middle of its first pixel; far outside where there is none.
     """
 
@@ -51,13 +51,21 @@ class ShadowedScenery:
     def of(cls, scenery: Picture, camera: Camera, motion: Motion) -> ShadowedScenery:
         """From the scenery that a camera sees."""
         lamp = _lamp(motion)
-        places = np.full((*scenery.depth.shape, 2), _OUTSIDE, np.float32)
+        places = np.empty((2, *scenery.depth.shape), np.float32)
+        # From the camera's frame to the lamp's: turn @ depth (x / z, y / z, 1) + shift.
+        turn = lamp.rotation @ camera.rotation.T
+        shift = lamp.rotation @ camera.position + lamp.translation
         for rows in camera.bands():
-            met = np.isfinite(scenery.depth[rows])
-            depth = scenery.depth[rows][met].astype(np.float64)
-            seen, _ = lamp.project(camera.position + depth[:, None] * camera.rays(rows)[met])
+            depth = scenery.depth[rows].astype(np.float64)
+            depth[~np.isfinite(depth)] = 0.0
+            x, y = camera.slopes(rows)
+            across, down, ahead = (s + depth * (t[0] * x + (t[1] * y + t[2])) for t, s in zip(turn, shift))
+            # The ground goes on behind the lamp, and at the horizon there is none.
+            met = (depth > 0) & (ahead > lamp.near)
+            ahead[~met] = 1.0
             # Pixel k's centre is at k + 1/2.
-            places[rows][met] = np.clip(seen[:, ::-1] - 0.5, _OUTSIDE, -_OUTSIDE)
+            places[0, rows] = np.where(met, lamp.focal_y * down / ahead + lamp.center_y - 0.5, _OUTSIDE)
+            places[1, rows] = np.where(met, lamp.focal_x * across / ahead + lamp.center_x - 0.5, _OUTSIDE)
         return cls(scenery=scenery, lamp=lamp, places=places)
 
     def under(self, splats: Splats, renderer: SplatRenderer) -> Picture:
@@ -66,8 +74,7 @@ class ShadowedScenery:
         from scipy.ndimage import gaussian_filter, map_coordinates
 
         cast = gaussian_filter(renderer.render(splats, self.lamp).alpha, _SOFTNESS)
-        where = np.moveaxis(self.places, 2, 0)
-        shade = map_coordinates(cast, where, order=1, mode="constant", cval=0.0, prefilter=False)
+        shade = map_coordinates(cast, self.places, order=1, mode="constant", cval=0.0, prefilter=False)
         return replace(self.scenery, colour=self.scenery.colour * (1 - np.float32(_DARKNESS) * shade)[:, :, None])
 
 
