@@ -43,9 +43,17 @@ check: $(STAMP) ## Lint, types, who may import whom
 .PHONY: test
 test: check ## Everything that has to be true, in under 15 minutes on two cores
 	@$(BIN)/python -m pytest -m "not slow"
-	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=reference-mpm
-	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm
-	@$(BIN)/python -m pytest -m "not slow" --pyargs gasp_conformance --gasp-engine=taichi-mpm --gasp-oracle=reference-mpm --gasp-precision=float64
+	@$(BIN)/gasp-conformance reference-mpm --quick
+	@$(BIN)/gasp-conformance taichi-mpm --quick --oracle reference-mpm
+	@$(BIN)/gasp-conformance taichi-mpm --quick --oracle reference-mpm --precision float64
+
+.PHONY: matrix
+matrix: $(STAMP) ## The whole suite on every engine; its verdicts go into the README
+	@mkdir -p build/conformance
+	-@$(BIN)/gasp-conformance reference-mpm --json build/conformance/reference-mpm.json
+	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --json build/conformance/taichi-mpm-float32.json
+	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --precision float64 --json build/conformance/taichi-mpm-float64.json
+	@$(BIN)/python -m gasp_conformance.matrix build/conformance/*.json --into README.md
 
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each

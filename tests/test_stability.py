@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -203,6 +204,24 @@ def test_the_smallest_limit_sets_the_step() -> None:
     assert step(stress=1e-3, speed=10.0, gradient=100.0) == pytest.approx(5e-4)
     fixed = EngineAccuracy(substep=0.3)
     assert substep_size(MotionLimits(stress=1e-9, speed=1e9, velocity_gradient=1e9), 0.1, fixed) == 0.3
+
+
+def test_a_flight_is_no_longer_than_speed_and_gravity_allow() -> None:
+    still = MotionLimits(stress=1.0, speed=0.0, velocity_gradient=0.0)
+    assert still.flight(0.05) == math.inf
+    assert replace(still, speed=10.0).flight(0.05) == 0.005
+    both = replace(still, speed=10.0, acceleration=400.0)
+    time = both.flight(0.05)
+    assert 10 * time + 400 * time**2 == pytest.approx(0.05, rel=1e-12)
+    # What falls from rest in a single step goes g dt^2.
+    falling = replace(still, acceleration=9.81)
+    step = substep_size(falling, 0.1, EngineAccuracy())
+    assert 9.81 * step**2 == pytest.approx(0.05, rel=1e-12)
+
+
+def test_stiffening_of_what_was_crushed_to_nothing_is_one() -> None:
+    scales = np.array([0.0, 1e-300, 1e-160, 1e-107, 1e-60, 1e-3])
+    assert stiffening(scales[:, None, None] * np.eye(3)).tolist() == [1.0] * len(scales)
 
 
 @settings(deadline=None)  # a slow machine is not a failure

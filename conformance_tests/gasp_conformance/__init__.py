@@ -1,4 +1,5 @@
-"""The checks every GASP point engine has to pass: a pytest plugin that names no engine.
+"""The checks every GASP point engine has to pass; it names no engine.
 
-pytest --pyargs gasp_conformance --gasp-engine=NAME [--gasp-precision=float32] [--gasp-oracle=OTHER]
+gasp-conformance NAME [--quick] [--json FILE]
+pytest --pyargs gasp_conformance --gasp-engine=NAME
 """

@@ -9,9 +9,46 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import curve_fit
 
-__all__ = ["angular_momentum", "damped_oscillation", "half_height_width", "mode_amplitude", "observed_order"]
+__all__ = [
+    "Arc",
+    "angular_momentum",
+    "damped_oscillation",
+    "flights",
+    "half_height_width",
+    "kinetic_energy",
+    "mode_amplitude",
+    "observed_order",
+]
 
 Array = NDArray[Any]
+
+_FEWEST_FRAMES = 8
+"""A parabola has three numbers, and a flight of a few frames more would fit any."""
+
+
+class Arc:
+    """A parabola z = peak - g (t - t_peak)^2 / 2 through a flight.
+
+    Parameters
+    ----------
+    times : (F,) [s]
+    heights : (F,) [m]
+    """
+
+    def __init__(self, times: Array, heights: Array) -> None:
+        middle = float(times.mean())
+        square, slope, height = np.polyfit(times - middle, heights, 2)
+        self.gravity = -2 * float(square)
+        """[m/s^2]"""
+        self.peak = float(height - slope**2 / (4 * square))
+        """[m]"""
+
+
+def flights(times: Array, heights: Array, flying: Array) -> list[Arc]:
+    """The arcs of a body's centre (F,) [m] over the frames where it is `flying` (F,), in order; short ones left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flying, [False]]).astype(int)))
+    spans = [slice(first, last) for first, last in zip(edges[::2], edges[1::2])]
+    return [Arc(times[span], heights[span]) for span in spans if span.stop - span.start >= _FEWEST_FRAMES]
 
 
 def mode_amplitude(displacements: Array, shape: Array) -> float:
@@ -61,6 +98,11 @@ def angular_momentum(masses: Array, positions: Array, velocities: Array) -> Arra
     """sum m (x - x_com) x v, (3,) [kg m^2/s]."""
     center = masses @ positions / masses.sum()
     return masses @ np.cross(positions - center, velocities)
+
+
+def kinetic_energy(masses: Array, velocities: Array) -> float:
+    """sum m v^2 / 2 [J]."""
+    return 0.5 * float(masses @ np.sum(velocities**2, axis=1))
 
 
 def observed_order(sizes: Array, errors: Array) -> float:

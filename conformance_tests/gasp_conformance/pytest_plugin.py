@@ -1,4 +1,4 @@
-"""pytest plugin: which engine the suite looks at, what it measured, and why a check was left out.
+"""pytest plugin: which engine the suite looks at, and with what.
 
     pytest --pyargs gasp_conformance --gasp-engine=NAME
 
@@ -7,36 +7,21 @@ It is loaded into every pytest run where the suite is installed, so it imports n
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gasp_conformance.checks import MARK
+from gasp_conformance.ledger import Ledger
+
 if TYPE_CHECKING:
     from gasp_conformance.subject import Subject
 
-__all__ = ["Ledger", "ledger", "oracle", "subject"]
+__all__ = ["Ledger", "ledger", "oracle", "subject", "subject_of"]
 
-_PROPERTY = "gasp figure"
 _SUBJECT = pytest.StashKey["Subject | None"]()
 _ORACLE = pytest.StashKey["Subject | None"]()
-
-
-class Ledger:
-    """Records what a case measured beside what it was allowed, and holds the one against the other."""
-
-    def __init__(self, record: Any) -> None:
-        self._record = record
-
-    def at_most(self, case: str, figure: str, value: float, bound: float) -> None:
-        """|value| <= bound."""
-        self._record(_PROPERTY, {"case": case, "figure": figure, "value": float(value), "bound": f"<= {bound:.3g}"})
-        assert abs(value) <= bound, f"{case}: {figure} is {value:.4g}, bound {bound:.4g}"
-
-    def at_least(self, case: str, figure: str, value: float, bound: float) -> None:
-        """Value >= bound."""
-        self._record(_PROPERTY, {"case": case, "figure": figure, "value": float(value), "bound": f">= {bound:.5g}"})
-        assert value >= bound, f"{case}: {figure} is {value:.4g}, bound {bound:.4g}"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -49,26 +34,68 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("float32", "float64"),
         help="precision to run the engine in (default: the first it declares)",
     )
+    group.addoption("--gasp-quick", action="store_true", help="leave out the checks that take long")
+    group.addoption("--gasp-report", metavar="FILE", type=Path, help="write what was found as JSON")
+    group.addoption("--gasp-list", action="store_true", help="list the checks and run none")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Find the engines before anything is collected, so that a misspelt name is one line and not a page."""
+    config.addinivalue_line("markers", f"{MARK}(check): a check of the suite")
     config.stash[_SUBJECT] = config.stash[_ORACLE] = None
-    names = [config.getoption("--gasp-engine"), config.getoption("--gasp-oracle")]
-    if not any(names):
-        return
+    name, report = config.getoption("--gasp-engine"), config.getoption("--gasp-report")
+    if name is not None:
+        _find(config, name)
+    elif report is not None:
+        raise pytest.UsageError("--gasp-report needs --gasp-engine=NAME")
+    if config.getoption("--gasp-list"):
+        from gasp_conformance.listing import Listing
+
+        config.pluginmanager.register(Listing(), "gasp-listing")
+    elif name is not None:
+        _examine(config, report)
+
+
+def _find(config: pytest.Config, name: str) -> None:
     from gasp_conformance.subject import find_subject
     from gasp_core.engine.contract import Precision
     from gasp_core.errors import GaspError
 
-    asked = config.getoption("--gasp-precision")
+    precision, oracle = config.getoption("--gasp-precision"), config.getoption("--gasp-oracle")
     try:
-        if names[0]:
-            config.stash[_SUBJECT] = find_subject(names[0], Precision(asked) if asked else None)
-        if names[1]:
-            config.stash[_ORACLE] = find_subject(names[1], None)
+        config.stash[_SUBJECT] = find_subject(name, Precision(precision) if precision else None)
+        config.stash[_ORACLE] = find_subject(oracle, None) if oracle else None
     except GaspError as error:
         raise pytest.UsageError(str(error)) from None
+
+
+def _examine(config: pytest.Config, report: Path | None) -> None:
+    from gasp_conformance.deviations import deviations_of
+    from gasp_conformance.examination import Examination
+    from gasp_conformance.report import Extent
+    from gasp_core.errors import GaspError
+
+    if config.getoption("numprocesses", None):
+        raise pytest.UsageError("the suite runs its checks in one process, in their order: leave out -n")
+    found = config.stash[_SUBJECT]
+    assert found is not None
+    try:
+        known = deviations_of(found.descriptor, found.distribution)
+        examination = Examination(
+            found,
+            oracle=config.stash[_ORACLE],
+            deviations=[one for one in known if one.applies(found.precision)],
+            extent=Extent.QUICK if config.getoption("--gasp-quick") else Extent.FULL,
+            path=report,
+        )
+    except GaspError as error:
+        raise pytest.UsageError(str(error)) from None
+    config.pluginmanager.register(examination, "gasp-examination")
+
+
+def subject_of(config: pytest.Config) -> Subject | None:
+    """The engine the suite looks at, for checks that are made for what it declares; None without --gasp-engine."""
+    return config.stash[_SUBJECT]
 
 
 @pytest.fixture
@@ -93,27 +120,3 @@ def oracle(pytestconfig: pytest.Config) -> Subject:
 def ledger(record_property: Any) -> Ledger:
     """Where figures are recorded and judged."""
     return Ledger(record_property)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
-    """What an engine does not declare is skipped and said, not failed."""
-    if not pyfuncitem.module.__name__.startswith("gasp_conformance"):
-        return (yield)
-    from gasp_conformance.subject import Undeclared
-
-    try:
-        return (yield)
-    except Undeclared as missing:
-        pytest.skip(str(missing))
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """One line a figure."""
-    reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]
-    figures = [value for report in reports for name, value in report.user_properties if name == _PROPERTY]
-    if not figures:
-        return
-    terminalreporter.section("figures")
-    for figure in sorted(figures, key=lambda one: one["case"]):
-        terminalreporter.line("{case:<22} {figure:<46} {value:>11.4g}   {bound}".format(**figure))

@@ -30,16 +30,28 @@ class Undeclared(UnsupportedSceneError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """An engine and the precision it is run in."""
+    """An engine and the precision it is run in.
+
+    Parameters
+    ----------
+    distribution
+        That brings it; "" where none does.
+    """
 
     descriptor: EngineDescriptor
     engine: PointEngine
     precision: Precision
+    distribution: str = ""
 
     @property
     def name(self) -> str:
         """As users write it."""
         return self.descriptor.name
+
+    @property
+    def device(self) -> str:
+        """The engine's default device, which it is run on."""
+        return self.descriptor.capabilities.devices[0]
 
     @property
     def is_double(self) -> bool:
@@ -62,7 +74,7 @@ class Subject:
         options = self.descriptor.options
         return self.engine.open(
             problem,
-            device=self.descriptor.capabilities.devices[0],
+            device=self.device,
             precision=self.precision,
             seed=0,
             accuracy=accuracy,
@@ -125,12 +137,20 @@ def find_subject(name: str, precision: Precision | None) -> Subject:
     UnknownEngineError
         Where nothing installed offers it.
     UnsupportedSceneError
-        Where it does not run in that precision.
+        Where it does not run in that precision, or declares none, or no device.
     """
     registry = discover()
-    descriptor = registry.descriptor(name)
-    offered = descriptor.capabilities.precisions
+    offer = registry.offer(name)
+    can = offer.descriptor.capabilities
+    offered = can.precisions
+    if not offered or not can.devices:
+        raise UnsupportedSceneError(f"{name} declares no precision or no device: name at least one of each")
     if precision is not None and precision not in offered:
         known = ", ".join(one.value for one in offered)
         raise UnsupportedSceneError(f"{name} does not run in {precision.value}; it runs in {known}")
-    return Subject(descriptor=descriptor, engine=registry.load(name), precision=precision or offered[0])
+    return Subject(
+        descriptor=offer.descriptor,
+        engine=registry.load(name),
+        precision=precision or offered[0],
+        distribution=offer.distribution,
+    )

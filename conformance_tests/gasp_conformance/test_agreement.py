@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gasp_conformance.pytest_plugin import Ledger
+from gasp_conformance.checks import Level, check
+from gasp_conformance.ledger import Ledger
 from gasp_conformance.scenes import MATERIALS, thrown_block
 from gasp_conformance.subject import Subject
 
 
+@check("agreement", Level.AGREEMENT)
 @pytest.mark.parametrize("name", MATERIALS)
 def test_equals_the_oracle(subject: Subject, oracle: Subject, ledger: Ledger, name: str) -> None:
     throw = thrown_block(MATERIALS[name])

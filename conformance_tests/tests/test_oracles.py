@@ -10,11 +10,14 @@ from gasp_conformance import oracles
 from gasp_conformance.observables import (
     angular_momentum,
     damped_oscillation,
+    flights,
     half_height_width,
+    kinetic_energy,
     mode_amplitude,
     observed_order,
 )
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq, minimize
 
 
 def test_free_fall_has_the_acceleration_of_gravity() -> None:
@@ -87,6 +90,182 @@ def test_column_tip_motion_is_that_of_a_chain_of_masses() -> None:
     assert oracles.column_tip_motion(4.0, 1.0, 1.0, 9.81) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_confined_modulus_inverts_hookes_law() -> None:
+    modulus, nu = 2e6, 0.3
+    compliance = (np.full((3, 3), -nu) + np.eye(3) * (1 + nu)) / modulus
+    # Unit strain along one axis and none across: the stress along it.
+    stress = np.linalg.solve(compliance, [0.0, 0.0, 1.0])
+    assert oracles.confined_modulus(modulus, nu) == pytest.approx(stress[2], rel=1e-12)
+    assert oracles.confined_modulus(modulus, 0.0) == modulus
+
+
+def test_mean_of_a_held_bar_is_that_of_a_chain_of_masses() -> None:
+    count = 200
+    h = 1 / count
+    places = (np.arange(count) + 0.5) * h
+    stiffness = (2 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)) / h**2
+    stiffness[-1, -1], stiffness[0, 0] = 1 / h**2, 3 / h**2
+    squares, modes = np.linalg.eigh(stiffness)
+    start = modes.T @ np.sin(math.pi * places / 2)
+    times = np.linspace(0, 6, 30)
+    omegas = np.sqrt(squares)
+    chain = [float((modes @ (start / omegas * np.sin(omegas * time))).mean()) for time in times]
+    # The chain's frequency is lower by (k h)^2 / 24 and its mean a midpoint rule.
+    np.testing.assert_allclose(oracles.fixed_free_bar_mean(times, 1.0, 1.0, 1.0), chain, atol=1e-4)
+
+
+def discrete_cantilever(count: int) -> np.ndarray:
+    """Bending stiffness of `count` rigid rods of a beam of length 1 and E I = 1 against the drops of their ends."""
+    h = 1 / count
+    # Angles from drops, the first rod hinged to the wall by half a rod's spring.
+    angles = (np.eye(count) - np.eye(count, k=-1)) / h
+    turns = np.eye(count) - np.eye(count, k=-1)
+    springs = np.full(count, 1 / h)
+    springs[0] = 2 / h
+    return angles.T @ turns.T @ np.diag(springs) @ turns @ angles
+
+
+def test_cantilever_frequency_is_that_of_a_chain_of_rods() -> None:
+    count = 400
+    h = 1 / count
+    masses = np.full(count, h)
+    masses[-1] = h / 2
+    squares = np.linalg.eigvalsh(discrete_cantilever(count) / np.sqrt(np.outer(masses, masses)))
+    # E I = rho A = L = 1 is c H / sqrt(12) = 1.
+    expected = oracles.cantilever_frequency(1.0, 0.1, math.sqrt(12) / 0.1)
+    # Second order in the rods' length, and the smallest of eigenvalues that reach 1e11 keeps five digits.
+    assert math.sqrt(squares[0]) / (2 * math.pi) == pytest.approx(expected, rel=1e-4)
+    # verification.md, V6.
+    assert oracles.cantilever_frequency(2.0, 0.1, 7.0) == pytest.approx(0.16154 * 0.1 * 7 / 4, rel=1e-5)
+
+
+def test_cantilever_deflection_balances_its_weight() -> None:
+    weight, slenderness = 0.4, 8.0
+    x = np.linspace(0, 1, 2001)
+    h = x[1]
+    # Moment and shear force of the load beyond x, integrated twice and once by the trapezium rule.
+    curvature = weight * (1 - x) ** 2 / 2
+    slope = np.concatenate([[0], np.cumsum((curvature[1:] + curvature[:-1]) / 2) * h])
+    slope += weight * (1 - x) * (2 * 6 / 5) / (12 * slenderness**2)
+    drop = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2) * h])
+    np.testing.assert_allclose(oracles.cantilever_deflection(x, weight, slenderness), drop, atol=1e-7 * weight)
+    # verification.md, V6.
+    assert oracles.cantilever_deflection(1.0, 0.4, 8.0) == pytest.approx(0.4 / 8 * (1 + 0.8 / 64), rel=1e-12)
+    assert oracles.gravity_parameter(1000, 9.81, 1.0, 0.125, 1.884e7) == pytest.approx(0.4, rel=1e-3)
+
+
+@pytest.mark.parametrize(("weight", "drop"), [(1.0, 0.12347), (2.0, 0.23851), (10.0, 0.70020)])
+def test_heavy_beam_is_a_chain_of_rods_at_its_lowest_energy(weight: float, drop: float) -> None:
+    count, h = 200, 1 / 200
+    middle = (np.arange(count) + 0.5) * h
+    springs = np.full(count, 1 / h)
+    springs[0] = 2 / h
+
+    def energy(theta: np.ndarray) -> tuple[float, np.ndarray]:
+        turns = np.diff(theta, prepend=0.0)
+        beyond = weight * (1 - middle) * h
+        gradient = springs * turns - np.append((springs * turns)[1:], 0.0) - beyond * np.cos(theta)
+        return float(springs @ turns**2 / 2 - beyond @ np.sin(theta)), gradient
+
+    found = minimize(
+        energy,
+        np.zeros(count),
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": 20000, "gtol": 1e-11, "ftol": 1e-16, "maxfun": 40000},
+    )
+    # Second order in the rods: (K h)^2 at most.
+    assert oracles.heavy_beam_drop(1.0, weight)[0] == pytest.approx(np.sin(found.x).sum() * h, rel=1e-3)
+    # verification.md, V7.
+    assert oracles.heavy_beam_drop(1.0, weight)[0] == pytest.approx(drop, abs=6e-6)
+
+
+def test_heavy_beam_that_shears_is_a_chain_of_rods_that_stretch_and_slide() -> None:
+    weight, slenderness, count = 10.0, 8.0, 100
+    h = 1 / count
+    middle = (np.arange(count) + 0.5) * h
+    springs = np.full(count, 1 / h)
+    springs[0] = 2 / h
+    # In units of E I / L^2: E A = 12 (L/H)^2, kappa G A = 5 (L/H)^2.
+    stiff = np.array([12.0, 5.0]) * slenderness**2
+    beyond = weight * (1 - middle) * h
+
+    def energy(state: np.ndarray) -> tuple[float, np.ndarray]:
+        theta, stretch, shear = state.reshape(3, count)
+        turns = np.diff(theta, prepend=0.0)
+        down = (1 + stretch) * np.sin(theta) + shear * np.cos(theta)
+        stored = springs @ turns**2 / 2 + h * (stiff[0] * stretch @ stretch + stiff[1] * shear @ shear) / 2
+        by_theta = springs * turns - np.append((springs * turns)[1:], 0.0)
+        by_theta -= beyond * ((1 + stretch) * np.cos(theta) - shear * np.sin(theta))
+        by_stretch = h * stiff[0] * stretch - beyond * np.sin(theta)
+        by_shear = h * stiff[1] * shear - beyond * np.cos(theta)
+        return float(stored - beyond @ down), np.concatenate([by_theta, by_stretch, by_shear])
+
+    found = minimize(
+        energy,
+        np.zeros(3 * count),
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": 20000, "gtol": 1e-10, "ftol": 1e-16, "maxfun": 40000},
+    )
+    theta, stretch, shear = found.x.reshape(3, count)
+    tip = ((1 + stretch) * np.sin(theta) + shear * np.cos(theta)).sum() * h
+    # Second order in the rods: (K h)^2 at most, where shear and stretch together make 1.5 %.
+    assert oracles.heavy_beam_drop(1.0, weight, slenderness)[0] == pytest.approx(tip, rel=2e-3)
+    # So light that it stays nearly straight it is the linear beam, up to the square of its slope.
+    light = oracles.heavy_beam_drop(np.array([0.5, 1.0]), 1e-3, slenderness)
+    np.testing.assert_allclose(light, oracles.cantilever_deflection([0.5, 1.0], 1e-3, slenderness), rtol=1e-6)
+
+
+def test_fluid_column_carries_the_mass_above_it() -> None:
+    height, density, gravity, bulk = 1.2, 1000.0, 9.81, 5e4
+
+    def share(layer: float) -> float:
+        """J at which Cole's equation gives the pressure of the layers above."""
+        pressure = density * gravity * (height - layer)
+        return brentq(lambda j: bulk / 7 * (j**-7 - 1) - pressure, 0.3, 1.0, xtol=1e-13)
+
+    for layer in (0.3, height):
+        expected = quad(share, 0, layer, epsabs=1e-11)[0]
+        assert oracles.fluid_column_heights(layer, height, density, gravity, bulk) == pytest.approx(expected, rel=1e-9)
+    # So stiff that it hardly sinks, the surface sinks by rho g H^2 / 2K.
+    stiff = 1e10
+    sunk = height - oracles.fluid_column_heights(height, height, density, gravity, stiff)
+    assert sunk == pytest.approx(density * gravity * height**2 / (2 * stiff), rel=1e-4)
+    assert oracles.fluid_column_heights(0.0, height, density, gravity, bulk) == 0
+
+
+def test_neo_hookean_stress_is_the_slope_of_its_energy() -> None:
+    mu, lame, h = 3.0, 5.0, 1e-5
+
+    def energy(f: np.ndarray) -> np.ndarray:
+        return mu * (f**2 - 1) / 2 - mu * np.log(f) + lame * np.log(f) ** 2 / 2
+
+    f = np.array([0.7, 1.0, 1.4])
+    slope = (energy(f + h) - energy(f - h)) / (2 * h)
+    np.testing.assert_allclose(oracles.neo_hookean_stress(f, mu, lame), slope, atol=1e-8)
+
+
+def test_manufactured_body_force_closes_the_equation_of_motion() -> None:
+    amplitude, speed, density, mu, lame, time = 0.05, 3.1, 1000.0, 4e3, 6e3, 0.07
+    x, h = np.array([0.1, 0.35, 0.8]), 1e-4
+
+    def u(place: np.ndarray, at: float = time) -> np.ndarray:
+        return oracles.manufactured_displacement(place, at, amplitude, speed)
+
+    def stress(place: np.ndarray) -> np.ndarray:
+        return oracles.neo_hookean_stress(1 + (u(place + h) - u(place - h)) / (2 * h), mu, lame)
+
+    acceleration = (u(x, time + h) - 2 * u(x) + u(x, time - h)) / h**2
+    divergence = (stress(x + h) - stress(x - h)) / (2 * h)
+    body = oracles.manufactured_body_force(x, time, amplitude, speed, density, mu, lame)
+    # Central differences: (pi h)^2 of some m/s^2, and eps u / h^2 of rounding.
+    np.testing.assert_allclose(density * acceleration - divergence, density * body, atol=density * 1e-5)
+    # The ends bear no stress, and nothing is displaced at the start.
+    assert np.abs(stress(np.array([0.0, 1.0]))).max() < mu * 1e-5
+    assert not u(x, 0.0).any()
+
+
 def test_spin_kept_is_what_verification_says() -> None:
     kept = [oracles.spin_kept_by_affine_start_at_rest(1.0, 1 / cells) for cells in (4, 8, 16)]
     # Printed there with four digits, of a square of points: r_g^2 = a^2/6 but for the points' own size.
@@ -138,3 +317,15 @@ def test_observables_find_what_was_put_in() -> None:
     corners = np.array([[1.0, 0, 0], [-1.0, 0, 0]]) + 5
     spin = np.cross([0, 0, 2.0], corners - 5) + 3
     np.testing.assert_allclose(angular_momentum(np.ones(2), corners, spin), [0, 0, 4], atol=1e-14)
+    assert kinetic_energy(np.array([2.0, 3.0]), np.array([[1.0, 2.0, 2.0], [0.0, 0.0, 1.0]])) == pytest.approx(10.5)
+
+
+def test_flights_are_the_parabolas_between_contacts() -> None:
+    times = np.linspace(0, 2, 201)
+    heights = np.where(times < 1, 5 * times * (1 - times), 3 * (times - 1) * (2 - times)) + 0.2
+    arcs = flights(times, heights, heights > 0.3)
+    # z = 5 t - 5 t^2 has gravity 10 and its peak at 1.25, the second 6 and 0.75: polynomials, up to rounding.
+    np.testing.assert_allclose([arc.gravity for arc in arcs], [10, 6], rtol=1e-10)
+    np.testing.assert_allclose([arc.peak for arc in arcs], [1.45, 0.95], rtol=1e-10)
+    # A few frames are no flight.
+    assert flights(times, heights, (times > 0.5) & (times < 0.55)) == []

@@ -38,7 +38,7 @@ __all__ = [
 Array = NDArray[Any]
 
 _ADVECTION = 0.5
-"""|v| dt <= 0.5 dx."""
+"""|v| dt + g dt^2 <= 0.5 dx."""
 _DISTORTION = 0.2
 """|grad v| dt <= 0.2 (after Sun et al. 2020, 10.1111/cgf.14101)."""
 
@@ -55,11 +55,22 @@ class MotionLimits:
         Largest |v| [m/s].
     velocity_gradient
         Largest Frobenius norm of the points' affine velocity C [1/s].
+    acceleration
+        Of gravity [m/s^2]: what is at rest now is not so at the end of a long step.
     """
 
     stress: float
     speed: float
     velocity_gradient: float
+    acceleration: float = 0.0
+
+    def flight(self, distance: float) -> float:
+        """Longest time t [s] in which no point goes further than `distance` [m]: |v| t + a t^2 at most.
+
+        Twice the fall of a t^2 / 2, because a step of symplectic Euler moves with the velocity at its end.
+        """
+        rate = self.speed + math.sqrt(self.speed**2 + 4 * self.acceleration * distance)
+        return 2 * distance / rate if rate > 0 else math.inf
 
 
 def rest_bound(material: Material, spacing: float) -> float:
@@ -89,7 +100,8 @@ def stiffening(deformation_gradients: Array) -> Array:
     """
     volume_ratio = np.abs(np.linalg.det(deformation_gradients))
     third = np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) / 3
-    scale = np.sqrt(np.maximum(third, 1e-300))
+    # What was crushed to nothing has no scale; that of the floor is still there when it is cubed.
+    scale = np.sqrt(np.maximum(third, 1e-200))
     # The mean of three squares is never below the geometric one; rounding may say so.
     angle = np.arccos(-np.minimum(volume_ratio / scale**3, 1.0)) / 3
     stretch = np.maximum(np.maximum(2 * scale * np.cos(angle), volume_ratio), 1.0)
@@ -120,8 +132,7 @@ def substep_size(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy)
     if accuracy.substep is not None:
         return accuracy.substep
     step = accuracy.substep_fraction * limits.stress
-    if limits.speed > 0:
-        step = min(step, _ADVECTION * spacing / limits.speed)
+    step = min(step, limits.flight(_ADVECTION * spacing))
     if limits.velocity_gradient > 0:
         step = min(step, _DISTORTION / limits.velocity_gradient)
     return step

@@ -78,8 +78,9 @@ class ReferenceSession:
         Raises
         ------
         ValueError
-            Where `time` lies in the past or is not finite.
+            Where `time` lies in the past or is not finite, or the session is closed.
         """
+        self._living()
         if not (math.isfinite(time) and time >= self._time):
             raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
         steps: list[float] = []
@@ -164,15 +165,15 @@ class ReferenceSession:
             )
         remaining = landing - self._time
         count, step = substeps_to(remaining, allowed)
-        travel = limits.speed * step
-        reach = math.floor(_CYCLE_TRAVEL * self._spacing / travel) if travel > 0 else _CYCLE
-        taking = min(count, _CYCLE, max(1, reach))
+        reach = int(min(_CYCLE, limits.flight(_CYCLE_TRAVEL * self._spacing) / step))
+        taking = min(count, max(1, reach))
         start = self._time
         for index in range(taking):
             now = start + index * step
             # Overflow is not silenced but awaited: `_refuse_leap` looks at every result before it is used.
             with np.errstate(over="ignore", invalid="ignore"):
-                motion = substep(self._problem, self._matter, motion, self._origin, self._spacing, now, step)
+                motion, held = substep(self._problem, self._matter, motion, self._origin, self._spacing, now, step)
+            self._held_back |= held
             self._refuse_leap(motion, now, step)
             motion = self._clamped(motion)
         self._motion = motion
@@ -185,6 +186,7 @@ class ReferenceSession:
             stress=stable_step(self._matter, motion, self._spacing),
             speed=float(np.linalg.norm(motion.velocities, axis=1).max()),
             velocity_gradient=float(np.linalg.norm(motion.velocity_gradients, axis=(1, 2)).max()),
+            acceleration=math.hypot(*self._problem.gravity),
         )
 
     def _strike(self) -> None:
@@ -199,13 +201,15 @@ class ReferenceSession:
         self._motion = motion
 
     def _clamped(self, motion: Motion) -> Motion:
-        """Points that slipped through a clamping edge, brought back onto it and remembered."""
+        """Points that slipped through a clamping edge, brought back onto it, stopped at it, and remembered."""
         domain = self._problem.domain
         if domain is None or domain.policy is not DomainPolicy.CLAMP:
             return motion
         inside = np.clip(motion.positions, domain.lower - self._origin, domain.upper - self._origin)
-        self._held_back |= (inside != motion.positions).any(axis=1)
-        return replace(motion, positions=inside)
+        back = inside - motion.positions
+        self._held_back |= (back != 0).any(axis=1)
+        velocities = np.where(back * motion.velocities < 0, 0.0, motion.velocities)
+        return replace(motion, positions=inside, velocities=velocities)
 
     def _refuse_leap(self, motion: Motion, time: float, step: float) -> None:
         finite = np.isfinite(motion.positions).all(axis=1) & np.isfinite(motion.velocities).all(axis=1)

@@ -11,19 +11,21 @@ from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import DomainPolicy
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
 from gasp_reference_mpm.matter import Matter, Motion, deformed, kirchhoff_stress
-from gasp_reference_mpm.transfer import gather, inverse_inertia, scatter, stencil_around
+from gasp_reference_mpm.transfer import gather, inverse_inertia, reaching, scatter, stencil_around
 
 __all__ = ["seeded_velocity_gradients", "substep"]
 
 Array = NDArray[Any]
 
 _SEEDING_PASSES = 16
+_HELD = 1e-6
+"""Of a node's velocity: what the domain's edge takes of it beyond this is more than rounding."""
 
 
 def substep(
     problem: PointProblem, matter: Matter, motion: Motion, origin: Array, spacing: float, time: float, step: float
-) -> Motion:
-    """The motion `step` [s] after `time` [s].
+) -> tuple[Motion, Array]:
+    """The motion `step` [s] after `time` [s], and a mask (N,) of the points that the domain's edge held back.
 
     Hu et al. 2018 (10.1145/3197517.3201293): the points' stress enters the grid as an affine momentum, -dt V0/D tau, so
     no gradient of a weight is ever needed. The stress is that of the stored deformation, and deformation and position
@@ -42,17 +44,23 @@ def substep(
     velocities = driven(velocities, places, problem.drives, time, spacing)
     velocities = collided(velocities, places, problem.colliders, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
-        velocities = kept_inside(velocities, places, problem.domain, spacing)
+        kept = kept_inside(velocities, places, problem.domain, spacing)
+        cut = np.linalg.norm(velocities - kept, axis=1) > _HELD * np.linalg.norm(velocities, axis=1)
+        held_back = reaching(stencil, grid.nodes[cut])
+        velocities = kept
+    else:
+        held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
     point_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, volume_gains = deformed(matter, motion, velocity_gradients, step)
-    return Motion(
+    moved = Motion(
         positions=motion.positions + step * point_velocities,
         velocities=point_velocities,
         velocity_gradients=velocity_gradients,
         deformations=deformations,
         volume_gains=volume_gains,
     )
+    return moved, held_back
 
 
 def seeded_velocity_gradients(positions: Array, spacing: float, masses: Array, velocities: Array) -> Array:

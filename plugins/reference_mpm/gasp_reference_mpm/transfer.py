@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GridMomentum", "Stencil", "gather", "inverse_inertia", "scatter", "stencil_around"]
+__all__ = ["GridMomentum", "Stencil", "gather", "inverse_inertia", "reaching", "scatter", "stencil_around"]
 
 Array = NDArray[Any]
 
@@ -128,3 +128,10 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     place[nodes] = np.arange(len(nodes))
     weighted = stencil.weights[..., None] * grid_velocities[place[stencil.nodes]]
     return weighted.sum(axis=1), inverse_inertia(spacing) * (weighted.transpose(0, 2, 1) @ stencil.arms)
+
+
+def reaching(stencil: Stencil, nodes: Array) -> Array:
+    """Mask (N,) of the points that speak to any of these nodes, flat indices (K,)."""
+    marked = np.zeros(int(np.prod(stencil.shape)), dtype=np.bool_)
+    marked[nodes] = True
+    return (marked[stencil.nodes] & (stencil.weights > 0)).any(axis=1)

@@ -154,6 +154,8 @@ def test_what_is_read_is_owned_and_read_only() -> None:
     session.close()
     with pytest.raises(ValueError, match="closed"):
         session.read(ALL)
+    with pytest.raises(ValueError, match="closed"):
+        session.advance_to(session.time)
 
 
 # --- metamorphic ----------------------------------------------------------------------------------------------------
@@ -416,6 +418,49 @@ def test_points_held_at_the_edge_are_reported() -> None:
     with opened(problem(start, spacing, domain=domain), spacing) as session:
         report = session.advance_to(0.01)
     assert report.warnings == ("1 point(s) were held back at the domain's edge",)
+
+
+def test_a_point_stopped_short_of_the_edge_is_reported_and_one_that_glides_along_it_is_not() -> None:
+    spacing = 0.25
+    domain = Domain(lower=(-9.0, -9.0, 0.0), upper=(9.0, 9.0, 9.0), policy=DomainPolicy.CLAMP)
+    start = np.array([[0.0, 0.0, 0.5], [3.0, 0.0, 0.1]])
+    scene = problem(
+        start, spacing, velocity=[[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]], gravity=(0.0, 0.0, 0.0), domain=domain
+    )
+    with opened(scene, spacing) as session:
+        report = session.advance_to(1.0)
+        lowest = session.read(ALL).positions[0, 2]
+    # The wall's nodes reach a cell and a half, and stop it before it gets there.
+    assert lowest > 0.0
+    assert report.warnings == ("1 point(s) were held back at the domain's edge",)
+
+
+def test_a_point_brought_back_to_the_edge_goes_no_further_and_glides_on() -> None:
+    # The wall's nodes take an eighth of its speed in this one substep, which is four times as long as the way is.
+    spacing, lower = 0.25, -1e-3
+    domain = Domain(lower=(-9.0, -9.0, lower), upper=(9.0, 9.0, 9.0), policy=DomainPolicy.CLAMP)
+    scene = problem(
+        np.array([[0.0, 0.0, 0.0]]), spacing, velocity=(1.0, 0.0, -5.0), gravity=(0.0, 0.0, 0.0), domain=domain
+    )
+    with opened(scene, spacing) as session:
+        session.advance_to(1e-3)
+        state = session.read(ALL)
+    np.testing.assert_allclose(state.positions[0, 2], lower, atol=1e-15)
+    assert state.velocities[0, 2] == 0.0
+    assert state.velocities[0, 0] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_soft_matter_falls_many_cells_without_a_leap() -> None:
+    # At rest nothing but its own weight bounds the step: g dt^2 would be 20 cells at half of what its stiffness bears.
+    spacing = 0.1
+    soft = Elastic(density=1e4, youngs_modulus=1.0, poissons_ratio=0.0)
+    with opened(problem(np.zeros((1, 3)), spacing, soft), spacing) as session:
+        report = session.advance_to(1.0)
+        fallen = -session.read(ALL).positions[0, 2]
+    assert report.status is Status.OK
+    # Symplectic Euler is ahead by g t dt/2; a step of dx/2 at the end's speed of gt is the smallest that is needed.
+    assert 9.81 / 2 < fallen <= 9.81 / 2 + 9.81 * report.largest_substep / 2
+    assert report.largest_substep <= math.sqrt(0.05 / 9.81)
 
 
 def test_a_cloud_too_wide_for_the_grid_names_the_farthest_point(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -144,7 +144,12 @@ class Cloud:
         self._labels, self._labels_spare = put(labels.reshape(-1)), empty((labels.size,), np.int32)
 
     def _resume(self, restart: Mapping[str, Array]) -> None:
-        shapes = {"cells": (self.count, 3), "rows": (self.count, at.POINT_WIDTH), "labels": (self.count, 4)}
+        shapes = {
+            "cells": (self.count, 3),
+            "rows": (self.count, at.POINT_WIDTH),
+            "labels": (self.count, at.LABEL_WIDTH),
+            "ids": (self.count,),
+        }
         for name, shape in shapes.items():
             found = np.shape(restart[name]) if name in restart else None
             if found != shape:
@@ -245,7 +250,8 @@ class Cloud:
 
         Returns
         -------
-        How many were done, whether a point drifted (it must be sorted before the next), how many points were clamped.
+        How many were done, whether a point drifted (it must be sorted before the next), how often the domain's edge
+        held a node or a point back.
         """
         self._memory.write(self._report, np.zeros(at.REPORT_WIDTH, dtype=np.int32))
         control, moved = self._put_control(), (self._x, self._points, self._labels, self._grid)

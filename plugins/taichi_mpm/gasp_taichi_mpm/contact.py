@@ -69,7 +69,9 @@ def _normal(table: ti.template(), row, node):
 
 
 @ti.func
-def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti.template(), drive_set):
+def constrain(
+    v, node, batch: ti.template(), forcing: ti.template(), control: ti.template(), report: ti.template(), drive_set
+):
     """Velocity of a node after everything that acts there.
 
     Parameters
@@ -125,9 +127,13 @@ def constrain(v, node, batch: ti.template(), forcing: ti.template(), control: ti
                     u = u * ti.max(0, 1 + friction * along / speed)
         row += at.COLLIDER_WIDTH
     if control[at.CLAMP] == 1:
+        free = u
         for d in ti.static(range(3)):
             if node[d] <= batch[at.WALL_LOW + d] + ti.f64(1e-3):
                 u[d] = ti.max(u[d], 0)
             if node[d] >= batch[at.WALL_HIGH + d] - ti.f64(1e-3):
                 u[d] = ti.min(u[d], 0)
+        # Beyond rounding: matter that glides along the edge is not held by it.
+        if (u - free).norm() > 1e-6 * free.norm():
+            ti.atomic_add(report[at.CLAMPED], 1)
     return u

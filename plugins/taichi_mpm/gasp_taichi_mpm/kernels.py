@@ -185,9 +185,11 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             for d in ti.static(range(3)):
                 if place[d] < batch[at.WALL_LOW + d]:
                     place[d] = batch[at.WALL_LOW + d]
+                    points[o + at.VELOCITY + d] = ti.max(v[d], real(0.0))
                     held = 1
                 elif place[d] > batch[at.WALL_HIGH + d]:
                     place[d] = batch[at.WALL_HIGH + d]
+                    points[o + at.VELOCITY + d] = ti.min(v[d], real(0.0))
                     held = 1
             if held == 1:
                 ti.atomic_add(report[at.CLAMPED], 1)
@@ -222,6 +224,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         batch: ti.template(),
         forcing: ti.template(),
         control: ti.template(),
+        report: ti.template(),
         drive_set,
         q,
     ):
@@ -238,7 +241,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                         momentum = ti.cast(vec3(g[0], g[1], g[2]), ti.f64)
                         u = momentum / ti.cast(g[3], ti.f64) + kick
                         node = ti.Vector([control[at.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
-                        v = ti.cast(constrain(u, ti.cast(node, ti.f64), batch, forcing, control, drive_set), real)
+                        place = ti.cast(node, ti.f64)
+                        v = ti.cast(constrain(u, place, batch, forcing, control, report, drive_set), real)
                     grid[line + k] = vec4(v[0], v[1], v[2], 0)
 
     @ti.kernel
@@ -266,7 +270,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 for q in range(control[at.COLOURS_AT + 8]):
                     scatter_tile(x, points, grid, tiles, control, q)
                 for q in range(control[at.ACTIVE]):
-                    update_block(grid, active, batch, forcing, control, first + step, q)
+                    update_block(grid, active, batch, forcing, control, report, first + step, q)
                 for p in range(control[at.POINTS]):
                     move_point(x, points, labels, grid, materials, batch, control, report, p)
                 report[at.STEPS_DONE] += 1
@@ -311,7 +315,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         """The rest of step number `step` of the batch."""
         ti.loop_config(parallelize=pool)
         for q in range(control[at.ACTIVE]):
-            update_block(grid, active, batch, forcing, control, step, q)
+            update_block(grid, active, batch, forcing, control, report, step, q)
         ti.loop_config(parallelize=pool)
         for p in range(control[at.POINTS]):
             move_point(x, points, labels, grid, materials, batch, control, report, p)
@@ -404,7 +408,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                     J = F.determinant()
                     # `gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
-                    scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-300)))
+                    scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-200)))
                     angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
                     stretch = ti.max(2.0 * scale * ti.cos(angle), ti.abs(J), ti.f64(1.0))
                     factor = 2.0 * stretch * stretch - stretch

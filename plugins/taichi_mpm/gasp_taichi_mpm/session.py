@@ -121,13 +121,17 @@ class TaichiSession:
         survey = cloud.survey()
         self._judge(survey, tally, 0.0)
         while self._time < end:
-            limits = MotionLimits(stress=survey.stress, speed=survey.speed, velocity_gradient=survey.velocity_gradient)
+            limits = MotionLimits(
+                stress=survey.stress,
+                speed=survey.speed,
+                velocity_gradient=survey.velocity_gradient,
+                acceleration=math.hypot(*self._problem.gravity),
+            )
             step = substep_size(limits, self._units.spacing, self._accuracy)
             self._refuse_too_many(step, last, tally)
             count, step = substeps_to(end - self._time, step)
-            reach = survey.speed * step
-            flight = _LONGEST_BATCH if reach == 0 else min(_LONGEST_BATCH, int(0.5 * self._units.spacing / reach))
-            batch = min(count, max(1, flight))
+            reach = int(min(_LONGEST_BATCH, limits.flight(0.5 * self._units.spacing) / step))
+            batch = min(count, max(1, reach))
             self._batch(cloud, batch, step, tally)
             if batch == count:
                 self._time = end
@@ -250,7 +254,7 @@ class TaichiSession:
 
     def _open_cloud(self) -> Cloud:
         if self._cloud is None:
-            raise SceneError("taichi-mpm: the session is closed: open a new one")
+            raise ValueError("taichi-mpm: the session is closed: open a new one")
         return self._cloud
 
     def __enter__(self) -> Self:
@@ -286,7 +290,7 @@ class _Tally:
                 f"{self.inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material"
             )
         if self.clamped:
-            warnings.append(f"points were held at the domain's edge {self.clamped} times")
+            warnings.append("matter was held back at the domain's edge")
         return StepReport(
             status=status,
             substep_count=self.count,

@@ -1,0 +1,120 @@
+"""``gasp conformance``: the suite in a process of its own, and what becomes of that process."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+__all__ = ["conformance"]
+
+PASSES = 0
+FAILS = 1
+USAGE_ERROR = 2
+PARTIAL = 3
+"""Exit status where nothing failed, but only a selection was run."""
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  gasp-conformance my-engine --quick
+  gasp-conformance my-engine --precision float32 --json my-engine.json
+  gasp-conformance my-engine -k "core or V12"
+  gasp-conformance --list
+
+\b
+Exit status: 0 the engine passes, 1 it fails, 2 the command could not be
+carried out, 3 nothing failed but -k left checks out, 130 interrupted.
+A check that is known to fail goes into gasp-conformance.toml in the
+engine's package; core checks cannot be excused.
+"""
+)
+@click.argument("engine", required=False)
+@click.option("--quick", is_flag=True, help="Leave out the checks that take long.")
+@click.option(
+    "--json",
+    "report_file",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write what was found there, too.",
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    help="Precision to run the engine in.  [default: the first it declares]",
+)
+@click.option("--oracle", metavar="NAME", help="An engine of the same method, to compare it with point by point.")
+@click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match; the verdict is then partial.")
+@click.option("--list", "listing", is_flag=True, help="List the checks and run none.")
+@click.pass_context
+def conformance(
+    context: click.Context,
+    engine: str | None,
+    quick: bool,
+    report_file: Path | None,
+    precision: str | None,
+    oracle: str | None,
+    expression: str | None,
+    listing: bool,
+) -> None:
+    """Put an engine through the checks that every engine has to pass.
+
+    ENGINE is its name as "gasp engines" lists it. The checks run in a process of their own, in an empty folder: no
+    file of yours changes what they do.
+    """
+    from gasp_conformance.process import NOTHING_MATCHED, USAGE, run_suite
+
+    if engine is None and not listing:
+        raise click.UsageError("name the engine to look at, or --list the checks")
+    if report_file is not None and not os.access(report_file.absolute().parent, os.W_OK):
+        # Not minutes later.
+        raise click.UsageError(f"{report_file} cannot be written: name a file in a folder that may be written to")
+    options = [
+        f"--gasp-{option}={value}"
+        for option, value in (("engine", engine), ("precision", precision), ("oracle", oracle))
+        if value is not None
+    ]
+    if quick:
+        options.append("--gasp-quick")
+    if expression is not None:
+        options += ["-k", expression]
+    with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as name:
+        folder = Path(name)
+        if listing:
+            status = run_suite([*options, "--gasp-list", "-q"], folder)
+            context.exit(USAGE_ERROR if status == USAGE else 0)
+        found = folder / "report.json"
+        status = run_suite([*options, f"--gasp-report={found}"], folder)
+        if status == USAGE:
+            context.exit(USAGE_ERROR)
+        if status == NOTHING_MATCHED:
+            raise click.UsageError(f'no check matches -k "{expression}"; --list shows their names')
+        context.exit(_conclude(status, found, report_file))
+
+
+def _conclude(status: int, found: Path, wanted: Path | None) -> int:
+    """Read what the process left, say what it could not say itself, and return the exit status."""
+    from gasp_conformance.process import how_it_ended, is_orderly
+    from gasp_conformance.report import Verdict, VerdictOutcome, read_report, write_report
+    from gasp_conformance.table import report_lines
+
+    if not found.exists():
+        click.secho(f"fails: the process {how_it_ended(status)} before any check", fg="red")
+        return FAILS
+    report = read_report(found)
+    if not (report.finished and is_orderly(status)):
+        where = "after the last check" if report.finished else f"in check {report.running}"
+        reasons = *(report.verdict.reasons if report.finished else ()), f"the process {how_it_ended(status)} {where}"
+        report = replace(report, verdict=Verdict(outcome=VerdictOutcome.FAILS, reasons=reasons))
+        click.echo()
+        for line in report_lines(report):
+            click.secho(line.text, fg=line.colour)
+    if wanted is not None:
+        write_report(report, wanted)
+    return {VerdictOutcome.PASSES: PASSES, VerdictOutcome.FAILS: FAILS, VerdictOutcome.PARTIAL: PARTIAL}[
+        report.verdict.outcome
+    ]

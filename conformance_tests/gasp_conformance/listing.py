@@ -1,0 +1,30 @@
+"""`--gasp-list`: what the suite checks, without running it."""
+
+from __future__ import annotations
+
+import pytest
+
+from gasp_conformance.collection import Collected, collected_checks, summary_of
+
+__all__ = ["Listing"]
+
+
+class Listing:
+    """pytest hooks of a run that only lists."""
+
+    def __init__(self) -> None:
+        self._checks: list[Collected] = []
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Take every check away before it is run."""
+        self._checks = collected_checks(items)
+        items.clear()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """One line a check."""
+        width = max((len(one.name) for one in self._checks), default=0)
+        for one in self._checks:
+            long = "full  " if one.check.full else "quick "
+            terminalreporter.line(f"{one.check.level.value:<12}  {one.name:<{width}}  {long} {summary_of(one)}")

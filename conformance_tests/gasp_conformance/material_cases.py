@@ -1,0 +1,321 @@
+"""What tells one material from another, each case run through the contract; it measures and does not judge.
+
+Solids are told by how free bodies ring, which needs no wall; sand and fluids by what they do not resist, and on floors.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import curve_fit
+
+from gasp_conformance import capability_oracles as exact
+from gasp_conformance import oracles
+from gasp_conformance.clouds import box_of_points, cloud_of
+from gasp_conformance.observables import damped_oscillation, mode_amplitude
+from gasp_conformance.specimens import NO_GRAVITY
+from gasp_conformance.subject import Journal, Subject
+from gasp_core.engine.contract import EngineAccuracy, PointProblem
+from gasp_core.engine.forcing import Collider, ContactCondition
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Rigid, Sand
+from gasp_core.engine.shapes import HalfSpace
+
+__all__ = [
+    "Decay",
+    "Ring",
+    "Sinking",
+    "Spin",
+    "Swing",
+    "ball_breathes",
+    "bar_stretches_far",
+    "block_shears_and_returns",
+    "block_swings",
+    "fluid_column_sinks",
+    "layer_on_slope",
+    "loose_block_parts",
+    "rigid_block_spins",
+    "shear_flow_dies",
+]
+
+Array = NDArray[Any]
+Solid = Elastic | NeoHookean
+
+GRAVITY = 9.81
+_AWAY = np.array([0.37, 0.21, 0.11])
+"""A corner that is no whole number of cells from anything."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ring:
+    """Relative error of a frequency, and what the grid may leave of it."""
+
+    error: float
+    dispersion: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sinking:
+    """Relative errors of a fluid column's period and of how deep it sinks."""
+
+    period_error: float
+    depth_error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decay:
+    """Relative error of a rate of decay, and what grid, transfers and substeps may leave of it."""
+
+    error: float
+    dispersion: float
+    transfers: float
+    stepping: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swing:
+    """Farthest that a block was sheared, and how far it was at least from then on, over the elastic amplitude."""
+
+    highest: float
+    lowest_after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spin:
+    """A rigid body in flight: change of its distances and error of its places, over its size, and Euler's share."""
+
+    distance_change: float
+    place_error: float
+    stepping: float
+
+
+def _lame_block(cells: int) -> tuple[Array, Array, float]:
+    """A square plate, 1 m wide and a cell thick, Lame's mode at its points, and the spacing."""
+    spacing = 1.0 / cells
+    plate = box_of_points(_AWAY, (cells, cells, 1), spacing)
+    return plate, exact.lame_shape(plate - _AWAY, 1.0), spacing
+
+
+def _lame_amplitudes(
+    subject: Subject, material: Material, cells: int, velocity: float, times: Array, journal: Journal | None = None
+) -> Array:
+    """Amplitudes (T,) [m] of Lame's mode in a plate that is thrown with `velocity` [m/s] in that mode."""
+    plate, shape, spacing = _lame_block(cells)
+    problem = PointProblem(
+        points=cloud_of([plate], [velocity * shape], spacing), materials=(material,), gravity=NO_GRAVITY
+    )
+    states = subject.states(problem, EngineAccuracy(spacing=spacing), times, (), journal)
+    return np.array([mode_amplitude((state.positions - plate).ravel(), shape.ravel()) for state in states])
+
+
+def _ringing(times: Array, values: Array, frequency: float) -> tuple[float, float]:
+    """Frequency [Hz] and mean of an oscillation near `frequency`; not numbers where there is none."""
+    try:
+        return damped_oscillation(times, values, frequency)
+    except RuntimeError:
+        return math.nan, math.nan
+
+
+def block_shears_and_returns(subject: Subject, material: Solid) -> Ring:
+    """A free plate rings in Lame's mode, at half a percent of strain: tells mu / rho."""
+    cells = 8
+    frequency = exact.lame_frequency(1.0, material.shear_modulus, material.density)
+    times = np.linspace(0, 1.3 / frequency, 40)[1:]
+    peak = 0.005 / math.pi
+    amplitudes = _lame_amplitudes(subject, material, cells, peak * 2 * math.pi * frequency, times)
+    found, _ = _ringing(times, amplitudes, frequency)
+    return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells))
+
+
+def ball_breathes(subject: Subject, material: Solid) -> Ring:
+    """A free ball, 1 m wide, breathes at half a percent of strain: tells how lambda and mu go together, over rho."""
+    cells = 6
+    spacing = 1.0 / cells
+    center = _AWAY + 0.5
+    ball = box_of_points(_AWAY, (cells, cells, cells), spacing)
+    ball = ball[np.linalg.norm(ball - center, axis=1) <= 0.5]
+    # The ball that the points fill: they are cells of equal volume, and its surface is as rough as they are.
+    radius = (len(ball) * (spacing / 2) ** 3 * 3 / (4 * math.pi)) ** (1 / 3)
+    frequency, root = exact.radial_frequency(radius, material.shear_modulus, material.lame_lambda, material.density)
+    shape = exact.radial_shape(ball - center, radius, root)
+    peak = 0.005 * radius
+    problem = PointProblem(
+        points=cloud_of([ball], [peak * 2 * math.pi * frequency * shape], spacing),
+        materials=(material,),
+        gravity=NO_GRAVITY,
+    )
+    times = np.linspace(0, 1.3 / frequency, 40)[1:]
+    states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
+    amplitudes = [mode_amplitude((state.positions - ball).ravel(), shape.ravel()) for state in states]
+    found, _ = _ringing(times, np.array(amplitudes), frequency)
+    return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(root / radius, spacing))
+
+
+def bar_stretches_far(subject: Subject, material: Solid, stress: Any, other_stress: Any) -> tuple[float, float]:
+    """A bar with nu = 0 swings by a tenth of its length for half a period: tells one law from another.
+
+    Returns
+    -------
+    Root mean square distances over the amplitude: of the bar from its own law's displacements, and of the other law's
+    displacements from those.
+    """
+    cells, amplitude = 16, 0.1
+    spacing = 1.0 / cells
+    speed = oracles.bar_speed(material.youngs_modulus, material.density)
+    bar = box_of_points(_AWAY, (cells, 1, 1), spacing)
+    along = bar[:, 0] - _AWAY[0]
+    velocities = np.zeros_like(bar)
+    velocities[:, 0] = math.pi * amplitude * speed * np.cos(math.pi * along)
+    problem = PointProblem(points=cloud_of([bar], [velocities], spacing), materials=(material,), gravity=NO_GRAVITY)
+    time = 1.0 / speed
+    (state,) = subject.states(problem, EngineAccuracy(spacing=spacing), [time])
+    own = exact.large_wave(stress, speed, along, amplitude, time)
+    other = exact.large_wave(other_stress, speed, along, amplitude, time)
+
+    def size(displacements: Array) -> float:
+        return math.sqrt(float(np.mean(displacements**2))) / amplitude
+
+    return size(state.positions[:, 0] - bar[:, 0] - own), size(other - own)
+
+
+def loose_block_parts(subject: Subject, material: Material, gradient: ArrayLike, time: float) -> tuple[float, float]:
+    """A cube thrown with v = G (x - centre), without weight: tells what a material does not resist.
+
+    Returns
+    -------
+    Largest distance from where points fly that nothing holds, over how far the farthest goes; and the strain G t times
+    a cell over the side, which is what affine transfers take at free surfaces for the material's own.
+    """
+    cells, spacing = 3, 0.1
+    block = box_of_points(_AWAY, (cells, cells, cells), spacing)
+    velocities = (block - block.mean(axis=0)) @ np.asarray(gradient, dtype=float).T
+    problem = PointProblem(points=cloud_of([block], [velocities], spacing), materials=(material,), gravity=NO_GRAVITY)
+    (state,) = subject.states(problem, EngineAccuracy(spacing=spacing), [time])
+    off = float(np.linalg.norm(state.positions - block - time * velocities, axis=1).max())
+    farthest = time * float(np.linalg.norm(velocities, axis=1).max())
+    strain = time * float(np.linalg.norm(np.asarray(gradient), 2))
+    return off / farthest, strain / cells
+
+
+def layer_on_slope(subject: Subject, material: Sand, slope: float) -> float:
+    """Way down a rough slope, `slope` in degrees, of the top of a layer of sand, over that of a block without friction.
+
+    The layer is two cells thick between frictionless walls; its crumbling ends are left out.
+    """
+    spacing, length, width, time, tilt = 0.1, 8, 3, 0.5, math.radians(slope)
+    layer = box_of_points((0.0, 0.0, 0.0), (length, width, 2), spacing)
+    walls = [((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ((0.0, width * spacing, 0.0), (0.0, -1.0, 0.0))]
+    floor = HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
+    problem = PointProblem(
+        points=cloud_of([layer], [np.zeros(3)], spacing),
+        materials=(material,),
+        colliders=(
+            Collider(shape=floor, contact=ContactCondition.STICK),
+            *(
+                Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SLIP)
+                for point, normal in walls
+            ),
+        ),
+        gravity=(GRAVITY * math.sin(tilt), 0.0, -GRAVITY * math.cos(tilt)),
+    )
+    (state,) = subject.states(problem, EngineAccuracy(spacing=spacing), [time])
+    middle = np.abs(layer[:, 0] - length * spacing / 2) < length * spacing / 4
+    top = layer[:, 2] > spacing
+    way = float((state.positions - layer)[middle & top, 0].mean())
+    return way / (GRAVITY * math.sin(tilt) * time**2 / 2)
+
+
+def fluid_column_sinks(subject: Subject, material: Fluid, cells: int) -> Sinking:
+    """Weight sets in on a column of fluid, 1 m high, between frictionless walls: tells bulk modulus and density."""
+    height, spacing = 1.0, 1.0 / cells
+    column = box_of_points((0.0, 0.0, 0.0), (1, 1, cells), spacing)
+    walls = [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        ((spacing, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, spacing, 0.0), (0.0, -1.0, 0.0)),
+    ]
+    problem = PointProblem(
+        points=cloud_of([column], [np.zeros(3)], spacing),
+        materials=(material,),
+        colliders=tuple(
+            Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SLIP)
+            for point, normal in walls
+        ),
+        gravity=(0.0, 0.0, -GRAVITY),
+    )
+    speed = math.sqrt(material.bulk_modulus / material.density)
+    period = oracles.column_period(height, speed)
+    z = column[:, 2]
+    shape = np.sin(np.pi * z / (2 * height))
+    times = np.linspace(0, 1.2 * period, 60)[1:]
+    states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
+    sinking = np.array([mode_amplitude(z - state.positions[:, 2], shape) for state in states])
+    frequency, mean = _ringing(times, sinking, 1 / period)
+    static = oracles.column_deflection(z, height, material.density, GRAVITY, material.bulk_modulus)
+    return Sinking(period_error=1 / (frequency * period) - 1, depth_error=mean / mode_amplitude(static, shape) - 1)
+
+
+def shear_flow_dies(subject: Subject, material: Fluid) -> Decay:
+    """A slow flow in the shape of Lame's mode dies of viscosity alone, for as long as it takes to fall to 1/e."""
+    cells = 8
+    rate = exact.lame_viscous_decay(1.0, material.viscosity, material.density)
+    # It comes to rest at a hundredth of strain: the shape it flows in is the shape it started in.
+    velocity = 0.01 * rate / math.pi
+    times = np.linspace(0, 1 / rate, 11)[1:]
+    journal = Journal()
+    moved = _lame_amplitudes(subject, material, cells, velocity, times, journal) / velocity
+    (found,), _ = curve_fit(lambda t, decay: -np.expm1(-decay * t) / decay, times, moved, p0=[rate])
+    step = journal.largest_substep
+    wave = math.pi / cells
+    return Decay(
+        error=float(found) / rate - 1,
+        # The rate goes with the square of the wave number, as the square of a frequency does.
+        dispersion=2 * exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells),
+        # Affine transfers keep what is affine within a cell; of the rest, (k dx)^4 along each axis, they lose some
+        # hundredths a substep.
+        transfers=0.05 * 2 * wave**4 / (rate * step),
+        stepping=rate * step / 2,
+    )
+
+
+def block_swings(subject: Subject, material: Metal | Plasticine | Foam, over: float) -> Swing:
+    """A plate is thrown in Lame's mode so that, were it elastic, it would be strained to `over` times its yield."""
+    cells = 8
+    frequency = exact.lame_frequency(1.0, material.shear_modulus, material.density)
+    strain = over * exact.von_mises_yield_strain(material.yield_stress, material.shear_modulus)
+    peak = strain / math.pi
+    # A plastic plate goes farther than an elastic one, and takes longer to come to rest.
+    times = np.linspace(0, 3 / frequency, 90)[1:]
+    amplitudes = _lame_amplitudes(subject, material, cells, peak * 2 * math.pi * frequency, times) / peak
+    highest = int(np.argmax(amplitudes))
+    return Swing(highest=float(amplitudes[highest]), lowest_after=float(amplitudes[highest:].min()))
+
+
+def rigid_block_spins(subject: Subject, material: Rigid) -> Spin:
+    """A rigid block, thrown and spinning about its short axis, turns by a radian."""
+    spacing, velocity, spin, time = 0.1, np.array([0.7, -0.3, 1.1]), np.array([0.0, 0.0, 2.0]), 0.5
+    block = box_of_points(_AWAY, (4, 4, 2), spacing)
+    center = block.mean(axis=0)
+    problem = PointProblem(
+        points=cloud_of([block], [velocity + np.cross(spin, block - center)], spacing),
+        materials=(material,),
+        gravity=(0.0, 0.0, -GRAVITY),
+    )
+    journal = Journal()
+    (state,) = subject.states(problem, EngineAccuracy(spacing=spacing), [time], (), journal)
+    place = exact.rigid_motion(block, center, velocity, spin, time) + np.array([0, 0, -GRAVITY]) * time**2 / 2
+    size = float(np.linalg.norm(np.ptp(block, axis=0)))
+    corner = block[0]
+    before, after = np.linalg.norm(block - corner, axis=1), np.linalg.norm(state.positions - state.positions[0], axis=1)
+    step, reach = journal.largest_substep, size / 2
+    return Spin(
+        distance_change=float(np.abs(after - before).max()) / size,
+        place_error=float(np.linalg.norm(state.positions - place, axis=1).max()) / size,
+        # Euler's rule on a fall and on a circle: a t dt / 2 for the acceleration a of either.
+        stepping=(GRAVITY + reach * float(spin @ spin)) * time * step / 2 / size,
+    )

@@ -1,0 +1,21 @@
+"""Registers the command; imports nothing of its own, so that listing commands stays instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gasp_core.engine.hookspecs import Command, hookimpl
+
+__all__ = ["gasp_commands"]
+
+
+@hookimpl
+def gasp_commands() -> Sequence[Command]:
+    """The one command of this distribution."""
+    return [
+        Command(
+            name="conformance",
+            summary="Put an engine through the checks that every engine has to pass.",
+            factory="gasp_conformance.command:conformance",
+        )
+    ]

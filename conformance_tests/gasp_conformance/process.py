@@ -1,0 +1,93 @@
+"""The suite in a process of its own, where nothing but the installed packages reaches it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+__all__ = ["NOTHING_MATCHED", "USAGE", "how_it_ended", "is_orderly", "run_suite"]
+
+# As pytest.ExitCode has them; importing it would take longer than everything else here.
+_OK, _TESTS_FAILED, _INTERRUPTED = 0, 1, 2
+USAGE = 4
+"""Exit status of a run that could not begin; why is on stderr."""
+
+NOTHING_MATCHED = 5
+"""Exit status of a run of which a selection left nothing."""
+
+_PATIENCE = 10.0
+
+
+def run_suite(options: Sequence[str], folder: Path) -> int:
+    """Run pytest on the suite in an empty folder and return its exit status; < 0 is a signal.
+
+    Neither configuration, conftest files nor environment variables of the user's own change what it does, nor do
+    other pytest plugins that happen to be installed.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Once the process has ended, too.
+    """
+    settings = folder / "pytest.ini"
+    settings.write_text("[pytest]\n")
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--pyargs",
+        "gasp_conformance",
+        "-c",
+        str(settings),
+        "--rootdir",
+        str(folder),
+    ]
+    command += [
+        "--noconftest",
+        "--import-mode=importlib",
+        "-p",
+        "gasp_conformance.pytest_plugin",
+        "-p",
+        "no:cacheprovider",
+    ]
+    command += ["--basetemp", str(folder / "tmp"), "-q", "--tb=short", "-rN", "--disable-warnings", *options]
+    with subprocess.Popen(command, cwd=folder, env=_environment(os.environ), stdin=subprocess.DEVNULL) as process:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            # The terminal told it, too, and it has a report to write.
+            try:
+                process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            raise
+
+
+def is_orderly(status: int) -> bool:
+    """Whether pytest itself ended the process, whatever it found."""
+    return status in (_OK, _TESTS_FAILED, _INTERRUPTED)
+
+
+def how_it_ended(status: int) -> str:
+    """An exit status in words."""
+    if status >= 0:
+        return f"ended with status {status}"
+    try:
+        return f"died with signal {-status} ({signal.Signals(-status).name})"
+    except ValueError:
+        return f"died with signal {-status}"
+
+
+def _environment(own: Mapping[str, str]) -> dict[str, str]:
+    changed = {key: value for key, value in own.items() if not key.startswith("PYTEST_")}
+    changed["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+    if own.get("PYTHONPATH"):
+        # Relative entries are meant from the user's folder.
+        changed["PYTHONPATH"] = os.pathsep.join(
+            str(Path(entry).absolute()) for entry in own["PYTHONPATH"].split(os.pathsep)
+        )
+    return changed

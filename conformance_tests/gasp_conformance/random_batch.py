@@ -1,0 +1,170 @@
+"""Many random scenes in a process of their own: what hangs or crashes there is told by number, and the rest goes on.
+
+To see again what one of them did: python -m gasp_conformance.random_batch NAME PRECISION FIRST LAST
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from gasp_conformance.random_scenes import describe, random_scene
+from gasp_conformance.subject import Subject, find_subject
+from gasp_conformance.watched_runs import watch_run
+from gasp_core.engine.contract import Precision
+
+__all__ = ["HUNG_AFTER", "Outcome", "run_batch", "run_scene"]
+
+HUNG_AFTER = 120.0
+"""Wall-clock time [s] without a scene begun or ended; each takes less than a second, but for what is compiled."""
+_POLL = 0.05
+"""[s]"""
+_LAST_WORDS = 300
+"""Characters of what a process wrote before it died."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a scene.
+
+    Parameters
+    ----------
+    number
+        The scene's.
+    ending
+        The last status, "refused", "hung" or "crashed".
+    reason
+        What the engine said where it did not finish.
+    faults
+        What must never happen; with the scene's description where there are any.
+    """
+
+    number: int
+    ending: str
+    reason: str
+    faults: tuple[str, ...]
+
+
+def run_scene(subject: Subject, number: int) -> Outcome:
+    """Run a scene in this process."""
+    scene = random_scene(number, subject.descriptor.capabilities)
+    # An engine that is given a step may need a frame to find out that it does not bear it.
+    grace = 0 if scene.accuracy.substep is None else 1
+    run = watch_run(subject, scene.problem, scene.accuracy, scene.times, grace)
+    reason = "" if run.finished else run.refusal or "; ".join(run.reports[-1].warnings if run.reports else ())
+    faults = (*run.faults, describe(scene)) if run.faults else ()
+    return Outcome(number=number, ending=run.ending, reason=reason, faults=faults)
+
+
+def run_batch(subject: Subject, first: int, last: int, hung_after: float = HUNG_AFTER) -> list[Outcome]:
+    """Run scenes `first` to `last`, both included, outside this process.
+
+    Parameters
+    ----------
+    subject
+        The engine, which the other process finds by its name.
+    first, last
+        Numbers of scenes.
+    hung_after
+        Seconds after which a scene that does not end is given up.
+
+    Raises
+    ------
+    RuntimeError
+        Where the process is lost before or after its scenes.
+    """
+    outcomes: list[Outcome] = []
+    while first <= last:
+        with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as folder:
+            done, lost = _one_process(subject, first, last, hung_after, Path(folder))
+        outcomes += done
+        if lost is None:
+            break
+        outcomes.append(lost)
+        first = lost.number + 1
+    return outcomes
+
+
+def _one_process(
+    subject: Subject, first: int, last: int, hung_after: float, folder: Path
+) -> tuple[list[Outcome], Outcome | None]:
+    """What a process got done, and the scene in which it was lost."""
+    progress, words = folder / "progress", folder / "words"
+    progress.touch()
+    command = [sys.executable, "-m", __spec__.name, subject.name, subject.precision.value, str(first), str(last)]
+    environment = {**os.environ, _PROGRESS: str(progress)}
+    with words.open("wb") as sink:
+        process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
+        )
+        try:
+            hung = not _ended(process, progress, hung_after)
+        finally:
+            _clear_away(process)
+    lines = [json.loads(line) for line in progress.read_text().splitlines()]
+    done = [Outcome(**{**line, "faults": tuple(line["faults"])}) for line in lines if "ending" in line]
+    if process.returncode == 0 and not hung:
+        return done, None
+    last_words = " ".join(words.read_text(errors="replace").split())[-_LAST_WORDS:]
+    begun = [line["number"] for line in lines if "ending" not in line]
+    if len(begun) == len(done):
+        ending = "hung" if hung else f"ended with status {process.returncode}"
+        raise RuntimeError(f"{subject.name}: the process of its own {ending} outside any scene: {last_words}")
+    number: int = begun[-1]
+    scene = describe(random_scene(number, subject.descriptor.capabilities))
+    fault = (
+        f"hung for {hung_after:g} s" if hung else f"took its process down (status {process.returncode}): {last_words}"
+    )
+    return done, Outcome(number=number, ending="hung" if hung else "crashed", reason="", faults=(fault, scene))
+
+
+def _ended(process: subprocess.Popen[bytes], progress: Path, hung_after: float) -> bool:
+    """Wait for the end of a process; False where its progress stops before."""
+    size, since = 0, time.monotonic()
+    while process.poll() is None:
+        if progress.stat().st_size != size:
+            size, since = progress.stat().st_size, time.monotonic()
+        elif time.monotonic() - since > hung_after:
+            return False
+        time.sleep(_POLL)
+    return True
+
+
+def _clear_away(process: subprocess.Popen[bytes]) -> None:
+    """End a process, with those that it started where there are groups of them, and wait for it."""
+    if process.poll() is None:
+        if hasattr(os, "killpg"):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()
+    process.wait()
+
+
+_PROGRESS = "GASP_CONFORMANCE_PROGRESS"
+"""Environment variable: the file a process tells its progress to, a line of JSON when a scene begins and ends."""
+
+
+def _main() -> None:
+    name, precision, first, last = sys.argv[1:]
+    told = os.environ.get(_PROGRESS)
+    with Path(told or os.devnull).open("a") as progress:
+        subject = find_subject(name, Precision(precision))
+        for number in range(int(first), int(last) + 1):
+            print(json.dumps({"number": number}), file=progress, flush=True)
+            outcome = run_scene(subject, number)
+            print(json.dumps(asdict(outcome)), file=progress, flush=True)
+            if not told:
+                print(f"{number:4d} {outcome.ending:<14} {outcome.reason}", *outcome.faults, sep="\n     ")
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,699 @@
+"""The core and capability checks themselves: on small engines that are right by closed form, and on wrong ones.
+
+A right engine passes whatever its method; an engine that declares everything and only flies fails what it cannot do.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gasp_conformance import capability_oracles as exact
+from gasp_conformance import elsewhere, specimens, test_capabilities, test_core
+from gasp_conformance.declarations import base_name, declared
+from gasp_conformance.ledger import Figure, Ledger
+from gasp_conformance.plugin_imports import PluginImports, plugin_imports
+from gasp_conformance.subject import Subject, Undeclared
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
+from gasp_core.engine.contract import (
+    Determinism,
+    EngineAccuracy,
+    EngineCapabilities,
+    EngineDescriptor,
+    Field,
+    PointProblem,
+    PointState,
+    Precision,
+    Quantity,
+    Status,
+    StepReport,
+)
+from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
+from gasp_core.engine.materials import MATERIALS, Elastic, Material, Metal
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.engine.stability import refuse_unstable_substep, substeps_to
+from gasp_core.errors import SceneError
+
+Place = Callable[[PointProblem, float], np.ndarray]
+
+LITTLE = EngineCapabilities(
+    materials=frozenset({Elastic}),
+    collider_shapes=frozenset(),
+    contact_conditions=frozenset(),
+    drives=frozenset(),
+    force_fields=frozenset(),
+    output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES}),
+    conserved=frozenset({Quantity.LINEAR_MOMENTUM}),
+    devices=("cpu",),
+    precisions=(Precision.FLOAT64,),
+    determinism=Determinism.BITWISE,
+)
+EVERYTHING = EngineCapabilities(
+    materials=frozenset(MATERIALS.values()),
+    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+    contact_conditions=frozenset(ContactCondition),
+    drives=frozenset({Pinned, Driven, Impulse}),
+    force_fields=frozenset({Wind}),
+    output_fields=frozenset(Field),
+    conserved=frozenset(Quantity),
+    devices=("cpu",),
+    precisions=(Precision.FLOAT64, Precision.FLOAT32),
+    determinism=Determinism.BITWISE,
+    domain_policies=frozenset(DomainPolicy),
+    carries_tracers=True,
+    checkpoints=True,
+)
+
+
+def straight(problem: PointProblem, time: float) -> np.ndarray:
+    """Every point for itself."""
+    points = problem.points
+    return points.reference_positions + points.initial_velocities * time
+
+
+class Flyer:
+    """Moves points by a closed form, and lets them fall as symplectic Euler does; exact, so with no bound on steps."""
+
+    def __init__(self, capabilities: EngineCapabilities = LITTLE, place: Place = straight) -> None:
+        self.capabilities = capabilities
+        self.place = place
+
+    def open(self, problem: PointProblem, *, restart: Any = None, accuracy: EngineAccuracy, **_: Any) -> Flight:
+        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
+        if restart is not None and np.shape(restart.get("fallen", ())) != (3,):
+            raise SceneError("the checkpoint belongs to another engine: start the run anew")
+        return Flight(self, problem, accuracy, restart)
+
+    def subject(self) -> Subject:
+        descriptor = EngineDescriptor(
+            name="flyer",
+            summary="flies",
+            contract_version=(1, 0),
+            capabilities=self.capabilities,
+            factory="nowhere:Flyer",
+        )
+        return Subject(descriptor=descriptor, engine=self, precision=Precision.FLOAT64)
+
+
+class Flight:
+    def __init__(self, engine: Flyer, problem: PointProblem, accuracy: EngineAccuracy, restart: Any) -> None:
+        self.engine, self.problem, self.accuracy = engine, problem, accuracy
+        self.time = 0.0 if restart is None else float(restart["time"])
+        self.fallen = np.zeros(3) if restart is None else np.array(restart["fallen"])
+        self.closed = False
+
+    def _open(self) -> None:
+        if self.closed:
+            raise ValueError("the session is closed")
+
+    def advance_to(self, time: float) -> StepReport:
+        self._open()
+        if not (math.isfinite(time) and time >= self.time):
+            raise ValueError("cannot advance there")
+        if time == self.time:
+            return StepReport(status=Status.OK, substep_count=0, smallest_substep=0.0, largest_substep=0.0)
+        count, step = substeps_to(time - self.time, self.accuracy.substep or 1e-3)
+        if count > self.accuracy.substep_limit:
+            return StepReport(
+                status=Status.SUBSTEP_LIMIT,
+                substep_count=0,
+                smallest_substep=0.0,
+                largest_substep=0.0,
+                warnings=("too many substeps: raise substep_limit",),
+            )
+        # Symplectic Euler from a speed g t on: sum of (t + k dt) dt.
+        gravity = np.array(self.problem.gravity)
+        self.fallen = self.fallen + gravity * (self.time * count * step + step**2 * count * (count + 1) / 2)
+        self.time = time
+        return StepReport(status=Status.OK, substep_count=count, smallest_substep=step, largest_substep=step)
+
+    def read(self, fields: frozenset[Field]) -> PointState:
+        self._open()
+        points = self.problem.points
+        tracers = points.tracer_positions
+        carried = None
+        if tracers is not None:
+            # Tracers are moved as one more body of points would be, found by the nearest point.
+            nearest = np.linalg.norm(points.reference_positions[:, None] - tracers, axis=2).argmin(axis=0)
+            carried = tracers + points.initial_velocities[nearest] * self.time
+        return PointState(
+            time=self.time,
+            positions=self.engine.place(self.problem, self.time) + self.fallen,
+            velocities=points.initial_velocities + np.array(self.problem.gravity) * self.time
+            if Field.VELOCITIES in fields
+            else None,
+            deformation_gradients=np.tile(np.eye(3), (len(points), 1, 1))
+            if Field.DEFORMATION_GRADIENTS in fields
+            else None,
+            tracer_positions=carried if Field.TRACER_POSITIONS in fields else None,
+        )
+
+    def checkpoint(self) -> Mapping[str, np.ndarray]:
+        self._open()
+        return {"time": np.array(self.time), "fallen": self.fallen.copy()}
+
+    def close(self) -> None:
+        self.closed = True
+
+    def __enter__(self) -> Flight:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@pytest.fixture
+def figures() -> list[Figure]:
+    return []
+
+
+@pytest.fixture
+def ledger(figures: list[Figure]) -> Ledger:
+    return Ledger(lambda _, figure: figures.append(figure))
+
+
+def ask(has: bool, what: str) -> None:
+    if not has:
+        raise Undeclared(what)
+
+
+# --- core -----------------------------------------------------------------------------------------------------------
+
+ALONE = [
+    test_core.test_lifecycle,
+    test_core.test_lands_on_time,
+    test_core.test_row_identity,
+    test_core.test_split_advance,
+    test_core.test_free_fall,
+    test_core.test_drift,
+    test_core.test_refusals,
+    test_core.test_side_by_side,
+]
+
+
+@pytest.mark.parametrize("judge", ALONE, ids=lambda judge: judge.__name__)
+@pytest.mark.parametrize("capabilities", [LITTLE, replace(LITTLE, determinism=Determinism.TOLERANCE)])
+def test_core_asks_for_no_method_in_particular(judge: Any, capabilities: EngineCapabilities, ledger: Ledger) -> None:
+    """A closed form with no grid, no wall and no stress passes."""
+    judge(Flyer(capabilities).subject(), ledger)
+
+
+def test_core_checks_without_figures_pass_too(capfd: pytest.CaptureFixture[str]) -> None:
+    subject = Flyer().subject()
+    test_core.test_owned_buffers(subject)
+    test_core.test_substep_obeyed(subject)
+    test_core.test_close_twice(subject)
+    test_core.test_error_kinds(subject, capfd)
+
+
+class Changed(Flyer):
+    """A flyer whose sessions are of a class that does one thing wrong."""
+
+    def __init__(self, session: type[Flight]) -> None:
+        super().__init__()
+        self.session = session
+
+    def open(self, problem: PointProblem, *, accuracy: EngineAccuracy, restart: Any = None, **_: Any) -> Flight:
+        return self.session(self, problem, accuracy, restart)
+
+
+class BackInTime(Flight):
+    def advance_to(self, time: float) -> StepReport:
+        if math.isfinite(time) and time < self.time:
+            self.time = time
+            return StepReport(status=Status.OK, substep_count=1, smallest_substep=1.0, largest_substep=1.0)
+        return super().advance_to(time)
+
+
+class SumOfSteps(Flight):
+    def advance_to(self, time: float) -> StepReport:
+        begin = self.time
+        report = super().advance_to(time)
+        self.time = begin + sum([report.largest_substep] * report.substep_count)
+        return report
+
+
+class Writeable(Flight):
+    def read(self, fields: frozenset[Field]) -> PointState:
+        state = super().read(fields)
+        state.positions.flags.writeable = True
+        return state
+
+
+class Shared(Flight):
+    def read(self, fields: frozenset[Field]) -> PointState:
+        state = super().read(fields)
+        if not hasattr(self, "memory"):
+            self.memory = state.positions.copy()
+        self.memory.flags.writeable = True
+        self.memory[:] = state.positions
+        return PointState(time=state.time, positions=self.memory[:], velocities=state.velocities)
+
+
+class Immortal(Flight):
+    def close(self) -> None: ...
+
+
+class Miscounting(Flight):
+    def advance_to(self, time: float) -> StepReport:
+        report = super().advance_to(time)
+        return replace(report, substep_count=report.substep_count + 1)
+
+
+class Talkative(Flight):
+    def advance_to(self, time: float) -> StepReport:
+        print("advancing")
+        return super().advance_to(time)
+
+
+@pytest.mark.parametrize(
+    ("session", "judge", "complaint"),
+    [
+        (BackInTime, test_core.test_lifecycle, "DID NOT RAISE"),
+        (SumOfSteps, test_core.test_lands_on_time, "asked for"),
+        (Writeable, test_core.test_owned_buffers, "can be written to"),
+        (Shared, test_core.test_owned_buffers, "share the memory"),
+        (Immortal, test_core.test_close_twice, "DID NOT RAISE"),
+        (Miscounting, test_core.test_substep_obeyed, "substeps"),
+        (Talkative, test_core.test_error_kinds, "belongs to the caller"),
+    ],
+    ids=lambda each: getattr(each, "__name__", None),
+)
+def test_core_tells_what_is_wrong(
+    session: type[Flight], judge: Any, complaint: str, ledger: Ledger, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = {"subject": Changed(session).subject(), "ledger": ledger, "capfd": capfd}
+    names = judge.__code__.co_varnames[: judge.__code__.co_argcount]
+    with pytest.raises((AssertionError, pytest.fail.Exception), match=complaint):
+        judge(**{name: given[name] for name in names})
+
+
+def test_a_substep_beyond_any_bound_may_be_borne_but_not_ignored(ledger: Ledger) -> None:
+    class Bold(Flyer):
+        def open(self, problem: PointProblem, *, accuracy: EngineAccuracy, restart: Any = None, **_: Any) -> Flight:
+            return Flight(self, problem, accuracy, restart)
+
+    class Timid(Bold):
+        def open(self, problem: PointProblem, *, accuracy: EngineAccuracy, restart: Any = None, **_: Any) -> Flight:
+            return Flight(self, problem, replace(accuracy, substep=1e-3), restart)
+
+    test_core.test_refusals(Bold().subject(), ledger)
+    with pytest.raises(AssertionError, match="accepted, and not taken"):
+        test_core.test_refusals(Timid().subject(), ledger)
+
+
+def test_an_undeclared_thing_that_is_not_refused_is_named(monkeypatch: pytest.MonkeyPatch, ledger: Ledger) -> None:
+    monkeypatch.setattr("gasp_conformance.core_cases.check_supported", lambda *_, **__: None)
+    with pytest.raises(AssertionError, match=r"material snow.*contact stick.*drive pinned.*force field wind.*tracers"):
+        test_core.test_refusals(Flyer().subject(), ledger)
+
+
+# --- fresh interpreters ---------------------------------------------------------------------------------------------
+
+
+def test_a_plugin_that_imports_its_backend_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugin = (
+        "from gasp_core.engine.hookspecs import hookimpl\n"
+        "import fractions\n"
+        "{}\n"
+        "@hookimpl\n"
+        "def gasp_point_engines():\n"
+        "    return []\n"
+    )
+    (tmp_path / "light_plugin.py").write_text(plugin.format(""))
+    (tmp_path / "heavy_plugin.py").write_text(plugin.format("import scipy.linalg"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    light, heavy = plugin_imports(["light_plugin"]), plugin_imports(["heavy_plugin"])
+    assert "light_plugin" in light.modules
+    assert light.foreign(["light_plugin"]) == []
+    assert "scipy" in heavy.foreign(["heavy_plugin"])
+    with pytest.raises(AssertionError, match=r"importing missing_plugin in a fresh interpreter fails.*No module named"):
+        plugin_imports(["missing_plugin"])
+
+
+def test_own_packages_and_the_standard_library_are_no_strangers() -> None:
+    found = PluginImports(
+        engines=frozenset(), modules=frozenset({"my_engine.plugin", "json", "gasp_core.io", "torch.nn"})
+    )
+    assert found.foreign(["my_engine.plugin"]) == ["torch"]
+
+
+def run_child(monkeypatch: pytest.MonkeyPatch, code: str, patience: float = 60.0) -> elsewhere.Elsewhere:
+    """`run_elsewhere` with a child that does something else than run an engine."""
+    real = subprocess.Popen
+
+    def started(command: list[str], **options: Any) -> Any:
+        return real([sys.executable, "-c", code, *command[3:]], **options)
+
+    monkeypatch.setattr(elsewhere.subprocess, "Popen", started)
+    monkeypatch.setattr(elsewhere, "_PATIENCE", patience)
+    monkeypatch.setattr(elsewhere, "_LINGER", 0.2)
+    subject = Flyer().subject()
+    problem = specimens.resting_block(subject, (0, 0, 0), 1, 0.1)
+    return elsewhere.run_elsewhere("any", "float64", problem, EngineAccuracy(), [0.1], frozenset({Field.POSITIONS}))
+
+
+def test_a_process_that_hangs_is_ended_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_child(monkeypatch, "import time; time.sleep(600)", patience=1.0)
+    assert (run.ended, run.state) == (False, None)
+    assert run.status < 0
+
+
+def test_a_process_that_leaves_a_child_behind_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])"
+    run = run_child(monkeypatch, code)
+    assert run.ended
+    assert run.left_behind
+
+
+def test_what_a_process_says_and_how_it_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_child(monkeypatch, "import sys; print('hello'); sys.exit('no engine')")
+    assert (run.ended, run.status, run.printed.strip(), run.left_behind) == (True, 1, "hello", False)
+    assert "no engine" in run.complaints
+
+
+def test_an_engine_that_is_not_installed_fails_in_a_process_with_its_message() -> None:
+    subject = Flyer().subject()
+    with pytest.raises(AssertionError, match='no engine named "flyer"'):
+        test_core.test_own_process(subject, Ledger(lambda *_: None))
+
+
+# --- capabilities ---------------------------------------------------------------------------------------------------
+
+
+def judges() -> dict[str, Any]:
+    """Every capability check by the name of its function, but those that pytest makes for an engine."""
+    made = {"test_device", "test_declared_without_a_check"}
+    return {
+        name: judge for name, judge in vars(test_capabilities).items() if name.startswith("test_") and name not in made
+    }
+
+
+def run_judge(judge: Any, subject: Subject, ledger: Ledger) -> None:
+    given: dict[str, Any] = {"subject": subject, "ledger": ledger, "need": ask, "device": "cpu"}
+    names = judge.__code__.co_varnames[: judge.__code__.co_argcount]
+    sides = list(test_capabilities.Side) if "side" in names else [None]
+    for side in sides:
+        judge(**{name: side if name == "side" else given[name] for name in names})
+
+
+CANNOT_TELL = {
+    # What needs no force.
+    "test_sand_bears_no_tension",
+    "test_domain_expands",
+    "test_float32",
+    "test_float64",
+    "test_checkpoints",
+    "test_tracer_positions",
+    "test_velocities",
+    # And straight flight turns about nothing.
+    "test_angular_momentum",
+}
+
+
+@pytest.mark.parametrize("name", sorted(set(judges()) - CANNOT_TELL))
+def test_an_engine_that_declares_everything_and_only_flies_fails(name: str, ledger: Ledger) -> None:
+    with pytest.raises(AssertionError):
+        run_judge(judges()[name], Flyer(EVERYTHING).subject(), ledger)
+
+
+@pytest.mark.parametrize("name", sorted(CANNOT_TELL))
+def test_what_needs_no_force_passes_by_flight(name: str, ledger: Ledger) -> None:
+    run_judge(judges()[name], Flyer(EVERYTHING).subject(), ledger)
+
+
+@pytest.mark.parametrize(
+    "name", sorted(set(judges()) - {"test_velocities", "test_linear_momentum", "test_float64", "test_domain_expands"})
+)
+def test_what_is_not_declared_is_left_out(name: str, ledger: Ledger) -> None:
+    nothing = replace(LITTLE, materials=frozenset({Unobtainium}), conserved=frozenset(), precisions=())
+    with pytest.raises(Undeclared):
+        run_judge(judges()[name], Flyer(nothing).subject(), ledger)
+
+
+class Unobtainium(Material):
+    kind = "unobtainium"
+
+
+def test_every_declaration_has_a_check_that_is_called_after_it() -> None:
+    marks = [mark for judge in judges().values() for mark in judge.pytestmark if mark.name == "gasp_check"]
+    names = {base_name(mark.args[0].name) for mark in marks}
+    assert names == test_capabilities.SHOWN - {"field:positions"}
+    wanted = set(declared(EVERYTHING, Precision.FLOAT64)) - {"device:cpu"}
+    # No engine here models snow yet.
+    assert wanted - names == {"material:snow"}
+
+
+def test_what_has_no_check_fails_by_name() -> None:
+    with pytest.raises(AssertionError, match="no check for material:snow yet"):
+        test_capabilities.test_declared_without_a_check(Flyer().subject(), "material:snow")
+
+
+# Engines of one degree of freedom, or six, that are right.
+
+
+def plate_mode(problem: PointProblem) -> tuple[np.ndarray, float, float]:
+    """Lame's mode of a plate a metre wide, the speed it is thrown with in it, and its angular frequency."""
+    points, (material,) = problem.points, problem.materials
+    low, high = points.reference_positions.min(axis=0), points.reference_positions.max(axis=0)
+    margin = (1.0 - (high[0] - low[0])) / 2
+    shape = exact.lame_shape(points.reference_positions - (low - margin), 1.0)
+    speed = float((points.initial_velocities * shape).sum() / (shape**2).sum())
+    return shape, speed, 2 * math.pi * exact.lame_frequency(1.0, material.shear_modulus, material.density)
+
+
+def yielding(strength: float) -> Place:
+    """Lame's mode as an oscillator that yields at `strength` times what its material says."""
+
+    def place(problem: PointProblem, time: float) -> np.ndarray:
+        shape, speed, omega = plate_mode(problem)
+        (material,) = problem.materials
+        limit = strength * exact.von_mises_yield_strain(material.yield_stress, material.shear_modulus) / math.pi
+        moved, plastic = 0.0, 0.0
+        for _ in range(steps := max(1, math.ceil(time * omega / 0.02))):
+            speed -= omega**2 * (moved - plastic) * time / steps
+            moved += speed * time / steps
+            plastic = min(max(plastic, moved - limit), moved + limit)
+        return problem.points.reference_positions + moved * shape
+
+    return place
+
+
+KINDS = ["test_metal", "test_plasticine", "test_foam"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_what_yields_at_its_stress_passes(name: str, ledger: Ledger) -> None:
+    run_judge(judges()[name], Flyer(EVERYTHING, yielding(1.0)).subject(), ledger)
+
+
+@pytest.mark.parametrize("strength", [0.1, 100.0], ids=["far too weak", "does not yield"])
+@pytest.mark.parametrize("name", KINDS)
+def test_what_yields_elsewhere_fails(name: str, strength: float, ledger: Ledger) -> None:
+    with pytest.raises(AssertionError, match="yield"):
+        run_judge(judges()[name], Flyer(EVERYTHING, yielding(strength)).subject(), ledger)
+
+
+def test_a_rigid_body_passes(ledger: Ledger) -> None:
+    def place(problem: PointProblem, time: float) -> np.ndarray:
+        points = problem.points
+        center, velocity = points.reference_positions.mean(axis=0), points.initial_velocities.mean(axis=0)
+        arm, relative = points.reference_positions - center, points.initial_velocities - velocity
+        spin = np.array([0, 0, np.sum(arm[:, 0] * relative[:, 1]) / np.sum(arm[:, 0] ** 2)])
+        return exact.rigid_motion(points.reference_positions, center, velocity, spin, time)
+
+    run_judge(judges()["test_rigid"], Flyer(EVERYTHING, place).subject(), ledger)
+
+
+def test_tracers_that_turn_with_their_block_pass(ledger: Ledger, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(self: Flight, _: frozenset[Field]) -> PointState:
+        points = self.problem.points
+        center, velocity = points.reference_positions.mean(axis=0), points.initial_velocities.mean(axis=0)
+        arm, relative = points.reference_positions - center, points.initial_velocities - velocity
+        # relative = spin x arm, by least squares.
+        crossed = np.concatenate([np.cross(np.eye(3), one).T for one in arm])
+        spin = np.linalg.lstsq(crossed, relative.ravel(), rcond=None)[0]
+        places = exact.rigid_motion(points.tracer_positions, center, velocity, spin, self.time)
+        return PointState(time=self.time, positions=points.reference_positions, tracer_positions=places)
+
+    monkeypatch.setattr(Flight, "read", read)
+    run_judge(judges()["test_tracers"], Flyer(EVERYTHING).subject(), ledger)
+
+
+# --- specimens and closed forms -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", MATERIALS.values(), ids=MATERIALS)
+def test_there_is_a_specimen_of_every_material(kind: type[Material]) -> None:
+    assert specimens.specimen(kind).density == 1000.0
+
+
+def test_the_plainest_material_is_elastic() -> None:
+    assert specimens.plain_material(EVERYTHING).kind == "elastic"
+    assert specimens.plain_material(replace(EVERYTHING, materials=frozenset({Metal}))).kind == "metal"
+
+
+def strains(shape: Callable[[np.ndarray], np.ndarray], places: np.ndarray, h: float = 1e-5) -> np.ndarray:
+    """Symmetric gradients (N, 3, 3) of a displacement field, by central differences."""
+    steps = h * np.eye(3)
+    gradient = np.stack([(shape(places + step) - shape(places - step)) / (2 * h) for step in steps], axis=2)
+    return (gradient + gradient.transpose(0, 2, 1)) / 2
+
+
+def quadrature(side: float, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points (N, 3) and weights (N,) of a square."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    x, y = np.meshgrid((nodes + 1) * side / 2, (nodes + 1) * side / 2, indexing="ij")
+    places = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    return places, np.outer(weights, weights).ravel() * (side / 2) ** 2
+
+
+def test_lames_mode_has_no_traction_and_the_frequency_of_its_energies() -> None:
+    side, mu, rho = 1.3, 8e3, 700.0
+
+    def shape(places: np.ndarray) -> np.ndarray:
+        return exact.lame_shape(places, side)
+
+    places, weights = quadrature(side)
+    strain = strains(shape, places)
+    np.testing.assert_allclose(np.trace(strain, axis1=1, axis2=2), 0, atol=1e-9)
+    # Rayleigh's quotient: elastic energy 2 mu |e|^2 over rho u^2.
+    elastic = weights @ (2 * mu * np.sum(strain**2, axis=(1, 2)))
+    kinetic = weights @ (rho * np.sum(shape(places) ** 2, axis=1))
+    omega = math.sqrt(elastic / kinetic)
+    assert omega / (2 * math.pi) == pytest.approx(exact.lame_frequency(side, mu, rho), rel=1e-8)
+    # Viscous dissipation 2 eta |D|^2 over twice the kinetic energy.
+    eta = 5.0
+    decay = weights @ (2 * eta * np.sum(strain**2, axis=(1, 2))) / kinetic
+    assert decay == pytest.approx(exact.lame_viscous_decay(side, eta, rho), rel=1e-8)
+    edge = np.linspace(0, side, 11)
+    for fixed in (0.0, side):
+        wall = np.stack([np.full_like(edge, fixed), edge, 0 * edge], axis=1)
+        np.testing.assert_allclose(strains(shape, wall)[:, 0], 0, atol=1e-8)
+        np.testing.assert_allclose(strains(shape, wall[:, [1, 0, 2]])[:, 1], 0, atol=1e-8)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+def test_the_breathing_ball_is_that_of_its_energies(nu: float) -> None:
+    radius, rho = 0.5, 700.0
+    material = Elastic(density=rho, youngs_modulus=2.3e4, poissons_ratio=nu)
+    mu, lame = material.shear_modulus, material.lame_lambda
+    # Linear elements in r: strains u', u/r, u/r; u(0) = 0.
+    count = 400
+    r = np.linspace(0, radius, count + 1)
+    stiffness, mass = np.zeros((count + 1,) * 2), np.zeros((count + 1,) * 2)
+    for left in range(count):
+        h = r[left + 1] - r[left]
+        for node in (0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6):
+            middle = r[left] + node * h
+            value, slope = np.array([1 - node, node]), np.array([-1, 1]) / h
+            swell = slope + 2 * value / middle
+            energy = lame * np.outer(swell, swell) + 2 * mu * (
+                np.outer(slope, slope) + 2 * np.outer(value, value) / middle**2
+            )
+            rows = slice(left, left + 2)
+            stiffness[rows, rows] += energy * middle**2 * h / 2
+            mass[rows, rows] += rho * np.outer(value, value) * middle**2 * h / 2
+    squares, modes = eigh(stiffness[1:, 1:], mass[1:, 1:], subset_by_index=[0, 0])
+    frequency, root = exact.radial_frequency(radius, mu, lame, rho)
+    assert math.sqrt(squares[0]) / (2 * math.pi) == pytest.approx(frequency, rel=1e-4)
+    places = np.stack([r[1:], 0 * r[1:], 0 * r[1:]], axis=1)
+    expected = exact.radial_shape(places, radius, root)[:, 0]
+    np.testing.assert_allclose(modes[:, 0] / modes[-1, 0], expected / expected[-1], atol=1e-4)
+
+
+def test_the_large_wave_is_linear_where_its_law_is_and_solves_its_equation_where_not() -> None:
+    speed, places = 5.7, np.linspace(0.02, 0.98, 49)
+    linear = exact.large_wave(lambda stretch: stretch - 1, speed, places, 0.1, 0.3 / speed)
+    closed = 0.1 * np.cos(math.pi * places) * math.sin(0.3 * math.pi)
+    # Second order in 1/400, and the interpolation between masses.
+    np.testing.assert_allclose(linear, closed, atol=1e-5)
+
+    def law(stretch: np.ndarray) -> np.ndarray:
+        return (stretch - 1 / stretch) / 2
+
+    # Chebyshev collocation of x_tt = c^2 P(x_X)_X, P = 0 at the ends: nothing in common with masses and springs.
+    count = 24
+    theta = math.pi * np.arange(count + 1) / count
+    x = np.cos(theta)
+    scale = np.array([2.0, *[1.0] * (count - 1), 2.0]) * (-1.0) ** np.arange(count + 1)
+    spread = x[:, None] - x[None, :] + np.eye(count + 1)
+    derivative = np.outer(scale, 1 / scale) / spread
+    derivative -= np.diag(derivative.sum(axis=1))
+    derivative *= -2  # of X = (1 - x) / 2
+    at = (1 - x) / 2
+
+    def motion(_: float, state: np.ndarray) -> np.ndarray:
+        stress = law(1 + derivative @ state[: count + 1])
+        stress[[0, -1]] = 0
+        return np.concatenate([state[count + 1 :], speed**2 * derivative @ stress])
+
+    start = np.concatenate([np.zeros(count + 1), math.pi * 0.1 * speed * np.cos(math.pi * at)])
+    run = solve_ivp(motion, (0, 0.5 / speed), start, rtol=1e-8, atol=1e-10)
+    found = exact.large_wave(law, speed, at[1:-1], 0.1, 0.5 / speed)
+    # Interpolation at the ends is flat within half a cell.
+    np.testing.assert_allclose(found, run.y[1:count, -1], atol=5e-4)
+
+
+def test_sands_friction_is_that_of_the_cone_it_is_fitted_to() -> None:
+    for angle in (10.0, 40.0):
+        sine = math.sin(math.radians(angle))
+        # Mohr-Coulomb in triaxial compression: (s1 - s3) / (s1 + s3) = sin phi, two of the stresses equal.
+        s1, s3 = 1 + sine, 1 - sine
+        pressure, deviator = (s1 + 2 * s3) / 3, s1 - s3
+        slope = deviator / pressure
+        # Simple shear tau under pressure p: q^2 = 3/2 dev : dev = 3 tau^2.
+        shear = np.array([[0, 1.0, 0], [1.0, 0, 0], [0, 0, 0]])
+        q = math.sqrt(1.5 * float(np.sum(shear**2)))
+        assert exact.drucker_prager_friction(angle) == pytest.approx(slope / q, rel=1e-12)
+
+
+def test_yield_strain_is_where_von_mises_stress_is_the_yield_stress() -> None:
+    mu, yield_stress = 8e3, 100.0
+    e = exact.von_mises_yield_strain(yield_stress, mu)
+    s = 2 * mu * np.diag([-e, e, 0])
+    squares = (s[0, 0] - s[1, 1]) ** 2 + (s[1, 1] - s[2, 2]) ** 2 + (s[2, 2] - s[0, 0]) ** 2
+    assert math.sqrt(squares / 2) == pytest.approx(yield_stress, rel=1e-12)
+
+
+def test_wind_and_rigid_motion_solve_their_equations() -> None:
+    velocity, air, drag = np.array([0.1, 0.4, -0.3]), np.array([1.0, -0.6, 0.5]), 3.0
+
+    def blown(_: float, state: np.ndarray) -> np.ndarray:
+        return np.concatenate([state[3:], drag * (air - state[3:])])
+
+    run = solve_ivp(blown, (0, 0.4), np.concatenate([np.zeros(3), velocity]), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(run.y[:3, -1], exact.carried_by_wind(velocity, air, drag, 0.4), rtol=1e-8)
+
+    places = np.random.default_rng(1).normal(size=(5, 3))
+    center, spin = np.array([0.2, -0.1, 0.4]), np.array([0.4, -0.8, 1.6])
+    turned = Rotation.from_rotvec(spin * 0.7).apply(places - center) + center + velocity * 0.7
+    np.testing.assert_allclose(exact.rigid_motion(places, center, velocity, spin, 0.7), turned, atol=1e-14)
+    np.testing.assert_allclose(exact.rigid_motion(places, center, velocity, np.zeros(3), 0.0), places, atol=1e-15)
+
+
+def test_no_source_of_these_checks_names_an_engine() -> None:
+    folder = Path(test_core.__file__).parent
+    for name in (
+        "core_cases",
+        "elsewhere",
+        "forcing_cases",
+        "material_cases",
+        "plugin_imports",
+        "readout_cases",
+        "wall_cases",
+    ):
+        assert not re.search(
+            r"taichi|reference.mpm|warp|mujoco|genesis|blender", (folder / f"{name}.py").read_text(), re.I
+        )
