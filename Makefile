@@ -55,6 +55,10 @@ matrix: $(STAMP) ## The whole suite on every engine; its verdicts go into the RE
 	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --precision float64 --json build/conformance/taichi-mpm-float64.json
 	@$(BIN)/python -m gasp_conformance.matrix build/conformance/*.json --into README.md
 
+.PHONY: template
+template: $(STAMP) ## Copy the reference engine outside the tree, build wheels, run the suite on it
+	@$(BIN)/python conformance_tests/tests/template_outside.py
+
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each
 	@$(BIN)/python -m pytest -m slow

@@ -121,7 +121,8 @@ def _beside(package: str) -> tuple[str, str | None]:
     try:
         file = importlib.resources.files(package) / FILE_NAME
         return f"{FILE_NAME} of {package}", _text(file, f"{FILE_NAME} of {package}") if file.is_file() else None
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, TypeError):
+        # TypeError: an engine of one module, which has nothing beside it.
         return package, None
 
 

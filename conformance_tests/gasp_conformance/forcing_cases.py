@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ __all__ = [
     "expanding_domain",
     "pinned_block",
     "pushed_block",
+    "pushed_points",
     "stopped_at_edge",
     "wind_on_block",
 ]
@@ -164,10 +165,13 @@ def pinned_block(subject: Subject) -> Grip:
 
 
 def driven_block(subject: Subject) -> Grip:
-    """A resting block is taken along and turned from 0.05 s to 0.35 s, without weight, and then let go."""
+    """A falling block is taken along and turned from 0.05 s to 0.35 s, and falls anew from there."""
     start, end, late = 0.05, 0.35, 0.45
     velocity, spin = np.array([0.5, -0.2, 0.3]), np.array([0.4, -0.8, 1.6])
     center = _HERE + 0.1
+    # A body that is let go without weight goes on as it was driven: only its fall tells when the drive ended.
+    gravity = np.array([1.0, -2.0, -9.0])
+    pull = float(np.linalg.norm(gravity))
     drive = Driven(
         region=_AROUND,
         start=start,
@@ -176,7 +180,7 @@ def driven_block(subject: Subject) -> Grip:
         angular_velocity=tuple(spin),
         center=tuple(center),
     )
-    problem, taken, free = _two_blocks(subject, (0.0, 0.0, 0.0), gravity=NO_GRAVITY, drives=(drive,))
+    problem, taken, free = _two_blocks(subject, (0.0, 0.0, 0.0), gravity=tuple(gravity), drives=(drive,))
     times = [start, 0.2, end, late]
     places, step, rounded = _snapshots(subject, problem, times)
     count = len(taken)
@@ -184,20 +188,32 @@ def driven_block(subject: Subject) -> Grip:
     reach = float(np.linalg.norm(taken - center, axis=1).max())
     speed = float(np.linalg.norm(velocity)) + rate * reach
     errors = [
-        _distance(place[:count], exact.rigid_motion(taken, center, velocity, spin, time - start))
+        _distance(place[:count], exact.rigid_motion(places[0][:count], center, velocity, spin, time - start))
         for place, time in zip(places[1:3], times[1:3])
     ]
-    # Let go, its centre goes on straight: what it turns about is the drive's centre, which is its own.
-    onward = places[2][:count].mean(axis=0) + velocity * (late - end)
+    released = places[2][:count].mean(axis=0)
+    thrown = velocity + np.cross(spin, released - center - velocity * (end - start))
+    fall = late - end
+    onward = released + thrown * fall + gravity * fall**2 / 2
     return Grip(
-        before=Deviation(error=_distance(places[0][:count], taken), allowed=rounded),
+        before=Deviation(
+            error=_distance(places[0][:count], taken + gravity * start**2 / 2),
+            allowed=1.05 * oracles.euler_fall_error(pull, start, step) + rounded,
+        ),
         during=Deviation(
             error=max(errors),
-            # Euler's rule spirals outwards on a circle by r w^2 t dt / 2; the grip closes within a substep.
-            allowed=reach * rate**2 * (end - start) * step / 2 + speed * step + rounded,
+            # Euler's rule spirals outwards on a circle by r w^2 t dt / 2; the grip closes within a substep, in which
+            # matter moves as it did before.
+            allowed=reach * rate**2 * (end - start) * step / 2 + (speed + pull * start) * step + rounded,
         ),
-        after=Deviation(error=_distance(places[3][:count].mean(axis=0), onward), allowed=speed * step + rounded),
-        bystander=Deviation(error=max(_distance(each[count:], free) for each in places), allowed=rounded),
+        after=Deviation(
+            error=_distance(places[3][:count].mean(axis=0), onward),
+            allowed=1.05 * oracles.euler_fall_error(pull, fall, step) + (speed + pull * fall) * step + rounded,
+        ),
+        bystander=Deviation(
+            error=max(_distance(each[count:], free + gravity * t**2 / 2) for each, t in zip(places, times)),
+            allowed=1.05 * oracles.euler_fall_error(pull, late, step) + rounded,
+        ),
     )
 
 
@@ -233,6 +249,26 @@ def pushed_block(subject: Subject) -> Push:
             allowed=2 * rounded / (late - middle) / float(np.linalg.norm(change)),
         ),
         bystander=Deviation(error=max(_distance(each[count:], blocks[1]) for each in places), allowed=rounded),
+    )
+
+
+def pushed_points(subject: Subject) -> Deviation:
+    """Of 27 lone points of unequal mass the lower ones are struck at 0.1 s: all of these by the same velocity."""
+    start, late = 0.1, 0.4
+    impulse = np.array([0.02, -0.01, 0.03])
+    problem = lone_points([plain_material(subject.descriptor.capabilities)], 8 * _SPACING, 3, 0.2, _SPACING, seed=5)
+    points = problem.points
+    places, velocities = points.reference_positions, points.initial_velocities
+    # Between two layers of points, which move by a tenth of the way to it.
+    height = float(places[:, 2].min()) + 4 * _SPACING
+    region = HalfSpace(point=(0.0, 0.0, height), normal=(0.0, 0.0, 1.0))
+    problem = replace(problem, drives=(Impulse(region=region, start=start, impulse=tuple(impulse)),))
+    struck = places[:, 2] < height
+    change = struck[:, None] * impulse / problem.masses[struck].sum()
+    (found,), step, rounded = _snapshots(subject, problem, [late])
+    return Deviation(
+        error=_distance(found, places + velocities * late + change * (late - start)),
+        allowed=float(np.linalg.norm(change, axis=1).max()) * step + rounded,
     )
 
 

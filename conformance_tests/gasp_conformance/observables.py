@@ -57,7 +57,10 @@ def mode_amplitude(displacements: Array, shape: Array) -> float:
 
 
 def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[float, float]:
-    """Frequency [Hz] and mean of a decaying oscillation a exp(-gamma t) sin(2 pi f t + phi) + m, near `frequency`."""
+    """Frequency [Hz] and mean of a decaying oscillation a exp(-gamma t) sin(2 pi f t + phi) + m, near `frequency`.
+
+    What is no such oscillation has neither: NaN, which keeps no bound.
+    """
 
     def model(t: Array, amplitude: float, f: float, decay: float, phase: float, mean: float) -> Array:
         return amplitude * np.exp(-decay * t) * np.sin(2 * np.pi * f * t + phase) + mean
@@ -65,7 +68,10 @@ def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[f
     mean = float(np.mean(values))
     amplitude = float(np.ptp(values)) / 2
     phase = math.asin(max(-1.0, min(1.0, (float(values[0]) - mean) / amplitude)))
-    found, _ = curve_fit(model, times, values, p0=[amplitude, frequency, 0.0, phase, mean])
+    try:
+        found, _ = curve_fit(model, times, values, p0=[amplitude, frequency, 0.0, phase, mean])
+    except RuntimeError:
+        return math.nan, math.nan
     return float(found[1]), float(found[4])
 
 

@@ -18,6 +18,7 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
+from gasp_core.engine.detector import non_finite_rows
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 
@@ -97,6 +98,8 @@ class Subject:
             As `open`.
         EngineDivergedError
             Where an advance does not end well: every case of the suite is one an engine has to finish.
+        AssertionError
+            Where what is read is not finite.
         """
         wanted = frozenset(fields) | {Field.POSITIONS}
         with self.open(problem, accuracy, wanted) as session:
@@ -109,7 +112,11 @@ class Subject:
                     )
                 if journal is not None:
                     journal.reports.append(report)
-                yield session.read(wanted)
+                state = session.read(wanted)
+                # A NaN is neither above a bound nor the larger of two numbers: no figure would show it.
+                lost = non_finite_rows(state.positions, state.velocities, state.deformation_gradients)
+                assert not len(lost), f"{self.name} says all is well at {time:.6g} s, and point {lost[0]} is not finite"
+                yield state
 
 
 @dataclass(slots=True)

@@ -174,6 +174,14 @@ def test_fluid_has_its_bulk_modulus_and_density(subject: Subject, ledger: Ledger
     ledger.at_most("fluid column", "depth error", column.depth_error, 0.5 / cells)
 
 
+@check("material:fluid[no tension]", Level.CAPABILITY)
+def test_fluid_bears_no_tension(subject: Subject, ledger: Ledger) -> None:
+    """A block of fluid that is pulled apart does not pull back."""
+    fluid = Fluid(density=700.0, bulk_modulus=1e5)
+    off, surface = material_cases.loose_block_parts(subject, fluid, np.diag([1.0, 0.3, 0.0]), 0.2)
+    ledger.at_most("fluid", "way not gone where nothing holds", off, surface)
+
+
 @check("material:fluid[shear]", Level.CAPABILITY)
 def test_fluid_bears_no_shear(subject: Subject, ledger: Ledger) -> None:
     """Without viscosity nothing stops a fluid from shearing on; with it, a flow dies away at its rate."""
@@ -341,6 +349,7 @@ def test_impulse(subject: Subject, ledger: Ledger) -> None:
     keeps(ledger, "impulse", "error of the centre after", push.after)
     ledger.at_most("impulse", "error of the velocity given, relative", push.gained.error, push.gained.allowed)
     keeps(ledger, "impulse", "error of matter elsewhere", push.bystander)
+    keeps(ledger, "impulse", "error of points of unequal mass", forcing_cases.pushed_points(subject))
 
 
 @check("force-field:wind", Level.CAPABILITY)

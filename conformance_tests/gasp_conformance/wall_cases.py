@@ -118,6 +118,10 @@ def _throws(shape: AnyShape, side: Side) -> list[tuple[Array, Array, bool]]:
         aside = np.roll(direction, 1) * (0.1 if axis == 0 else 0.0)
         start = center - (half + 0.5) * direction if side is Side.OUTSIDE else center + aside * way
         throws.append((start, direction, True))
+    if isinstance(shape, SphereShape):
+        # Where a ball is farthest from the box around it.
+        direction = np.ones(3) / math.sqrt(3)
+        throws.append((center - (half + 0.5) * direction if side is Side.OUTSIDE else center, direction, True))
     if side is Side.OUTSIDE:
         throws.append((center + [-1.0, half + 0.6, 0.0], np.array([1.0, 0.0, 0.0]), False))
     return throws

@@ -1,0 +1,77 @@
+"""What they make of the knobs, and of what they cannot do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from gasp_reference_mpm.engine import ReferenceMpm
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import EngineAccuracy, PointProblem
+from gasp_core.errors import SceneError
+from mutants.base import Mutant, Session, mutant
+
+Array = NDArray[Any]
+
+
+@mutant("substep-ignored", {"substep-obeyed": "substeps of time in"})
+class SubstepIgnored(Mutant):
+    """A fixed substep is not taken."""
+
+    def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
+        return replace(accuracy, substep=None)
+
+
+@mutant("limit-ignored", {"error-kinds": "1000 substeps, 10 allowed"})
+class LimitIgnored(Mutant):
+    """A frame may cost what it will."""
+
+    def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
+        return replace(accuracy, substep_limit=10**9)
+
+
+@mutant("cells-never-below-a-centimetre", {"scale": "distance / size"})
+class CellsNeverBelowACentimetre(Mutant):
+    """Its grid has a smallest spacing in metres."""
+
+    def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
+        return replace(accuracy, spacing=max(0.01, accuracy.spacing_for(problem.points)))
+
+
+@mutant("refuses-nothing", {"refusals": "an empty checkpoint is accepted"})
+class RefusesNothing(Mutant):
+    """What cannot be done is quietly done otherwise."""
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        accuracy: EngineAccuracy,
+        restart: Mapping[str, Array] | None = None,
+        **choices: Any,
+    ) -> Session:
+        try:
+            return super().open(problem, accuracy=accuracy, restart=restart, **choices)
+        except SceneError:
+            return super().open(problem, accuracy=replace(accuracy, substep=None), **choices)
+
+
+@mutant("bare-errors", {"error-kinds": "ends with a bare KeyError"})
+class BareErrors(Mutant):
+    """What it cannot use ends in whatever Python says."""
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        accuracy: EngineAccuracy,
+        restart: Mapping[str, Array] | None = None,
+        **choices: Any,
+    ) -> Session:
+        if restart is not None:
+            restart = {
+                name: restart[name] for name in ReferenceMpm().open(problem, accuracy=accuracy, **choices).checkpoint()
+            }
+        return super().open(problem, accuracy=accuracy, restart=restart, **choices)

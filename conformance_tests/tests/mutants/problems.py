@@ -1,0 +1,410 @@
+"""What they make of the problem: something in it is ignored, or taken for something else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gasp_core.engine.contract import PointProblem, StepReport
+from gasp_core.engine.forcing import Collider, ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Side, Wind
+from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
+from gasp_core.engine.shapes import BoxShape, SphereShape
+from mutants.base import Mutant, Session, mutant
+
+
+@mutant(
+    "gravity-too-strong",
+    {"free-fall": "largest error", "V1[sand]": "largest error", "V11[6 cells]": "gravity of a flight error"},
+    slow=["V11[6 cells]"],
+)
+class GravityTooStrong(Mutant):
+    """Gravity is 1 % off."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        x, y, z = problem.gravity
+        return replace(problem, gravity=(1.01 * x, 1.01 * y, 1.01 * z))
+
+
+@mutant("axes-swapped", {"free-fall": "largest error"})
+class AxesSwapped(Mutant):
+    """Its solver has y up, and gravity was not turned."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        x, y, z = problem.gravity
+        return replace(problem, gravity=(x, z, y))
+
+
+@mutant(
+    "momentum-leaks",
+    {
+        "drift": "largest error",
+        "V2": "momentum error",
+        "conserved:linear_momentum": "centre off a straight line",
+        "momentum": "change / sum",
+    },
+    slow=["momentum"],
+)
+class MomentumLeaks(Mutant):
+    """A thousandth of all momentum is gone after a second."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, force_fields=(*problem.force_fields, Wind(drag=1e-3)))
+
+
+def with_materials(problem: PointProblem, change: Callable[[Any], Material]) -> PointProblem:
+    return replace(problem, materials=tuple(change(one) for one in problem.materials))
+
+
+def elastic(material: Any, kind: type[Any]) -> Material:
+    """The elastic solid of the same stiffness, in place of a material of that kind."""
+    if not isinstance(material, kind):
+        return material
+    return Elastic(
+        density=material.density, youngs_modulus=material.youngs_modulus, poissons_ratio=material.poissons_ratio
+    )
+
+
+@mutant("density-ignored", {"material:elastic": "frequency error"})
+class DensityIgnored(Mutant):
+    """All matter is as heavy as water."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(problem, lambda one: replace(one, density=1000.0))
+
+
+@mutant(
+    "volume-ignored",
+    {"coincident-points": "distance from one point each", "conserved:mass": "centre off a straight line"},
+)
+class VolumeIgnored(Mutant):
+    """Every point stands for as much matter as every other."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        volumes = problem.points.reference_volumes
+        return replace(
+            problem, points=replace(problem.points, reference_volumes=np.full_like(volumes, np.median(volumes)))
+        )
+
+
+@mutant(
+    "modulus-ignored",
+    {
+        "material:elastic": "plate in shear: frequency error",
+        "V10[32 cells]": "contact time error",
+        "stiffness": "error",
+    },
+    slow=["stiffness"],
+)
+class ModulusIgnored(Mutant):
+    """Young's modulus is 10 kPa, whatever is asked for."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(
+            problem, lambda one: replace(one, youngs_modulus=1e4) if isinstance(one, Elastic) else one
+        )
+
+
+@mutant("modulus-a-little-off", {"V3": "frequency error", "V4[24 cells]": "frequency error"})
+class ModulusALittleOff(Mutant):
+    """Elastic matter is 10 % too stiff."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(
+            problem,
+            lambda one: replace(one, youngs_modulus=1.1 * one.youngs_modulus) if isinstance(one, Elastic) else one,
+        )
+
+
+@mutant(
+    "poissons-ratio-ignored",
+    {"material:elastic": "frequency error", "V5[slip walls]": "peak of the head error"},
+    slow=["V5[slip walls]"],
+)
+class PoissonsRatioIgnored(Mutant):
+    """Poisson's ratio is 0, whatever is asked for."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(
+            problem, lambda one: replace(one, poissons_ratio=0.0) if isinstance(one, Elastic) else one
+        )
+
+
+@mutant("first-material-for-all", {"density-ratio": "momentum error"})
+class FirstMaterialForAll(Mutant):
+    """All bodies are made of the first material."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        ids = np.zeros_like(problem.points.material_ids)
+        return replace(problem, points=replace(problem.points, material_ids=ids))
+
+
+@mutant(
+    "sand-is-rubber",
+    {"material:sand[no tension]": "way not gone where nothing holds", "material:sand[friction]": "way / frictionless"},
+)
+class SandIsRubber(Mutant):
+    """Sand never yields."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(problem, lambda one: elastic(one, Sand))
+
+
+@mutant(
+    "neo-hookean-is-corotated",
+    {"agreement[neo-hookean]": "largest distance / size", "material:neo-hookean": "distance from its own law"},
+    slow=["agreement[neo-hookean]"],
+)
+class NeoHookeanIsCorotated(Mutant):
+    """One elastic law serves for all."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(problem, lambda one: elastic(one, NeoHookean))
+
+
+@mutant(
+    "fluid-too-soft",
+    {"material:fluid[compression]": "error", "V13[8 cells]": "mean sinking error"},
+    slow=["V13[8 cells]"],
+)
+class FluidTooSoft(Mutant):
+    """Fluids have half their bulk modulus."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(
+            problem, lambda one: replace(one, bulk_modulus=one.bulk_modulus / 2) if isinstance(one, Fluid) else one
+        )
+
+
+@mutant("viscosity-ignored", {"material:fluid[shear]": "rate of decay error"})
+class ViscosityIgnored(Mutant):
+    """Honey flows like water."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(problem, lambda one: replace(one, viscosity=0.0) if isinstance(one, Fluid) else one)
+
+
+def _with_colliders(problem: PointProblem, change: Callable[[Collider], Collider]) -> PointProblem:
+    return replace(problem, colliders=tuple(change(one) for one in problem.colliders))
+
+
+def _with_contacts(problem: PointProblem, asked: ContactCondition, done: ContactCondition) -> PointProblem:
+    return _with_colliders(problem, lambda one: replace(one, contact=done) if one.contact is asked else one)
+
+
+@mutant("friction-ignored", {"contact:separate": "way - Coulomb's"})
+class FrictionIgnored(Mutant):
+    """Every floor is ice."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, friction=0.0))
+
+
+@mutant("stick-slips", {"contact:stick": "way on a slope / free"})
+class StickSlips(Mutant):
+    """What should stick only slips."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_contacts(problem, ContactCondition.STICK, ContactCondition.SLIP)
+
+
+@mutant("slip-lets-go", {"contact:slip": "way off it / free"})
+class SlipLetsGo(Mutant):
+    """What should slip along a wall can leave it."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_contacts(problem, ContactCondition.SLIP, ContactCondition.SEPARATE)
+
+
+@mutant(
+    "wrong-side",
+    {
+        "collider:plane[inside]": "deepest point",
+        "collider:box[inside]": "stopped before it",
+        "collider:sphere[inside]": "deepest point",
+    },
+)
+class WrongSide(Mutant):
+    """A container is taken for an obstacle."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, side=Side.OUTSIDE))
+
+
+@mutant(
+    "balls-are-boxes", {"collider:sphere[outside]": "stopped before it", "collider:sphere[inside]": "deepest point"}
+)
+class BallsAreBoxes(Mutant):
+    """A ball as a collider is the box around it."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, self._boxed)
+
+    def _boxed(self, collider: Collider) -> Collider:
+        ball = collider.shape
+        if not isinstance(ball, SphereShape):
+            return collider
+        return replace(collider, shape=BoxShape(center=ball.center, half_extents=(ball.radius,) * 3))
+
+
+@mutant("impulse-twice", {"drive:impulse": "error of the centre after"})
+class ImpulseTwice(Mutant):
+    """Every impulse is given twice."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(
+            problem, drives=tuple(one for one in problem.drives for _ in range(1 + isinstance(one, Impulse)))
+        )
+
+
+@mutant(
+    "pins-ignored",
+    {
+        "drive:pinned": "error in its time",
+        "V4[24 cells]": "frequency error is nan",
+        "V6[16 cells]": "error is nan",
+        "V7[K=10]": "unrest / length",
+    },
+    slow=["V6[16 cells]", "V7[K=10]"],
+)
+class PinsIgnored(Mutant):
+    """Nothing is ever held."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, drives=tuple(one for one in problem.drives if not isinstance(one, Pinned)))
+
+
+@mutant("drives-never-end", {"drive:pinned": "error after its time", "drive:driven": "error after its time"})
+class DrivesNeverEnd(Mutant):
+    """What is held or moved is so for ever."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, drives=tuple(replace(one, end=np.inf) for one in problem.drives))
+
+
+@mutant("drives-do-not-turn", {"drive:driven": "error in its time"})
+class DrivesDoNotTurn(Mutant):
+    """What is driven moves, but does not turn."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        still = (0.0, 0.0, 0.0)
+        return replace(
+            problem,
+            drives=tuple(
+                replace(one, angular_velocity=still) if isinstance(one, Driven) else one for one in problem.drives
+            ),
+        )
+
+
+@mutant("wind-ignored", {"force-field:wind": "error in its time"})
+class WindIgnored(Mutant):
+    """Wind is declared, accepted, and does nothing."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, force_fields=())
+
+
+@mutant("wind-everywhere", {"force-field:wind": "error of matter elsewhere"})
+class WindEverywhere(Mutant):
+    """Wind blows outside its region, too."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, force_fields=tuple(replace(one, region=None) for one in problem.force_fields))
+
+
+@mutant("expand-does-not", {"domain:expand": "error of free fall"})
+class ExpandDoesNot(Mutant):
+    """A domain that should grow with the matter holds it back."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        domain = problem.domain
+        if domain is None or domain.policy is not DomainPolicy.EXPAND:
+            return problem
+        return replace(problem, domain=replace(domain, policy=DomainPolicy.CLAMP))
+
+
+class Silent(Session):
+    """Keeps its warnings to itself."""
+
+    def advance_to(self, time: float) -> StepReport:
+        return replace(self.inner.advance_to(time), warnings=())
+
+
+@mutant(
+    "keeps-warnings-to-itself",
+    {
+        "domain:clamp": "what the edge held back has to be told",
+        "domain-edge": "what the edge held back is not reported",
+        "inversion": "frames with inverted points untold",
+    },
+    slow=["inversion"],
+)
+class KeepsWarningsToItself(Mutant):
+    """What the domain's edge held back, and what was turned inside out, is not told."""
+
+    session = Silent
+
+
+@mutant("clamps-where-it-should-stop", {"domain:stop": "a point left the domain, and the run ended ok"})
+class ClampsWhereItShouldStop(Mutant):
+    """Points that leave the domain are put back and nobody is told."""
+
+    session = Silent
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        domain = problem.domain
+        if domain is None or domain.policy is not DomainPolicy.STOP:
+            return problem
+        return replace(problem, domain=replace(domain, policy=DomainPolicy.CLAMP))
+
+
+class Sharing(Session):
+    """Gives the impulses of its problem itself."""
+
+    def advance_to(self, time: float) -> StepReport:
+        due = [one for one in self.problem.drives if isinstance(one, Impulse) and self.time <= one.start < time]
+        reports = []
+        for one in due:
+            reports.append(self.inner.advance_to(one.start))
+            state = self.inner.checkpoint()
+            struck = one.region.signed_distance(self.inner.read(frozenset()).positions) <= 0
+            kick = np.asarray(one.impulse) / struck.sum() / self.problem.masses[:, None]
+            self.change(velocities=state["velocities"] + struck[:, None] * kick)
+        reports.append(self.inner.advance_to(time))
+        taken = [one for one in reports if one.substep_count]
+        return replace(
+            reports[-1],
+            substep_count=sum(one.substep_count for one in reports),
+            smallest_substep=min((one.smallest_substep for one in taken), default=0.0),
+            largest_substep=max((one.largest_substep for one in taken), default=0.0),
+        )
+
+
+@mutant("impulse-in-equal-shares", {"drive:impulse": "error of points of unequal mass"})
+class ImpulseInEqualShares(Mutant):
+    """An impulse is shared out by number, not by mass."""
+
+    session = Sharing
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, drives=tuple(one for one in problem.drives if not isinstance(one, Impulse)))
+
+
+@mutant("sand-modulus-ignored", {"material:sand[friction]": "way / frictionless"})
+class SandModulusIgnored(Mutant):
+    """Sand is as stiff as it likes."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(
+            problem, lambda one: replace(one, youngs_modulus=4 * one.youngs_modulus) if isinstance(one, Sand) else one
+        )
+
+
+@mutant("friction-a-little-off", {"V12": "way error"}, slow=["V12"])
+class FrictionALittleOff(Mutant):
+    """Friction is 5 % too strong."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, friction=1.05 * one.friction))

@@ -1,0 +1,90 @@
+"""What they compute: a law, or a transfer, is wrong inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import Any, ClassVar
+from unittest.mock import patch
+
+import numpy as np
+from gasp_reference_mpm.transfer import gather
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import StepReport
+from mutants.base import Mutant, Session, mutant
+
+Array = NDArray[Any]
+
+
+class Inside(Session):
+    """Runs with functions of the right engine replaced."""
+
+    def advance_to(self, time: float) -> StepReport:
+        with ExitStack() as stack:
+            for target, replacement in self.engine.wrong.items():
+                stack.enter_context(patch(f"gasp_reference_mpm.{target}", replacement))
+            return super().advance_to(time)
+
+
+class InsideOut(Mutant):
+    """With functions of its own inside."""
+
+    session = Inside
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {}
+
+
+def _linear_stress(deformation: Array, mu: float, lame: float) -> Array:
+    strain = (deformation + deformation.swapaxes(1, 2)) / 2 - np.eye(3)
+    stress = 2 * mu * strain + lame * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return stress @ deformation.swapaxes(1, 2)
+
+
+@mutant("small-strains", {"conserved:angular_momentum": "relative change"})
+class SmallStrains(InsideOut):
+    """Elasticity is that of small strains: what turns is taken to be strained."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.fixed_corotated_stress": _linear_stress}
+
+
+def _pulling_stress(deformation: Array, velocity_gradient: Array, bulk_modulus: float, viscosity: float) -> Array:
+    ratio = deformation[:, 0, 0] ** 3
+    rate = velocity_gradient + velocity_gradient.swapaxes(1, 2)
+    return ratio[:, None, None] * viscosity * rate - (ratio * bulk_modulus / 7 * (ratio**-7 - 1))[
+        :, None, None
+    ] * np.eye(3)
+
+
+@mutant("fluid-pulls", {"material:fluid[no tension]": "way not gone where nothing holds"})
+class FluidPulls(InsideOut):
+    """A fluid bears tension."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.fluid_stress": _pulling_stress}
+
+
+def _transposing_gather(*arguments: Any) -> tuple[Array, Array]:
+    velocities, gradients = gather(*arguments)
+    return velocities, np.ascontiguousarray(gradients.swapaxes(1, 2))
+
+
+@mutant("affine-transposed", {"field:deformation_gradients": r"from I \+ A t", "V8[8 cells]": "spin kept"})
+class AffineTransposed(InsideOut):
+    """The gradient of the velocity is transposed."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _transposing_gather}
+
+
+def _flat_gather(*arguments: Any) -> tuple[Array, Array]:
+    velocities, gradients = gather(*arguments)
+    return velocities, gradients * [1.0, 1.0, 0.0]
+
+
+@mutant(
+    "third-axis-forgotten",
+    {"V16[quarter turn about y]": "distance / size", "field:deformation_gradients": r"from I \+ A t"},
+    slow=["V16[quarter turn about y]"],
+)
+class ThirdAxisForgotten(InsideOut):
+    """A plane solver was given a third axis, along which velocities have no gradient."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _flat_gather}
