@@ -121,3 +121,9 @@ def test_or_nowhere(package: Path, tmp_path: Path, distribution: str) -> None:
     install(package.parent, "deviating-wheel", {"url": tmp_path.as_uri(), "archive_info": {}})
     assert deviations_of(descriptor(package.name), distribution) == ()
     assert deviations_of(descriptor("no_such_package"), distribution) == ()
+
+
+def test_an_engine_of_one_module_has_nothing_beside_it(package: Path) -> None:
+    (package.parent / "engine_of_one_module.py").write_text("")
+    (package.parent / "gasp-conformance.toml").write_text(TEXT)
+    assert deviations_of(descriptor("engine_of_one_module"), "") == ()
