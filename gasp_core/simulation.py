@@ -33,7 +33,7 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.detector import Watch, inspect, watch_over
+from gasp_core.engine.detector import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 from gasp_core.engine.options import build_options
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineDivergedError, GaspError, SceneError
@@ -219,6 +219,7 @@ class _Run:
         )
         self._watch: Watch = watch_over(assembly.problem, 1 / scene.frame_rate)
         self._last_valid = [np.zeros(len(body.rows), dtype=np.int64) for body in assembly.bodies]
+        self._told_of_sound = False
         self._checkpoint_time = time.monotonic()
         self._checkpoint_frame = -1
 
@@ -240,7 +241,7 @@ class _Run:
                 self._recorded(0)
                 last = 0
             else:
-                self._recall_valid(last)
+                self._recall(last)
             self._checkpoint_frame = last or -1
             stopped = self._advance(last, opening, end) if last + 1 < end else ""
         except EngineDivergedError as error:
@@ -288,6 +289,7 @@ class _Run:
         verdict = inspect(self._watch, before, state)
         if verdict.status is not Status.OK:
             raise self._diverged(frame, dataclasses.replace(report, status=verdict.status), verdict.reason)
+        warnings = [*report.warnings, *self._outran(before, state)]
         means, relative = self._writer.split(state.positions)
         degenerate, clipped = self._shapes(frame, relative)
         self._writer.write_frame(
@@ -307,12 +309,20 @@ class _Run:
                 "clipped": clipped,
                 "inverted": verdict.inverted,
                 "stretched": verdict.stretched,
-                "warnings": list(report.warnings),
+                "warnings": warnings,
             },
         )
-        for warning in report.warnings:
+        for warning in warnings:
             self._shown.warn(f"frame {frame}: {warning}")
         return state
+
+    def _outran(self, before: PointState, state: PointState) -> list[str]:
+        """What there is to say of matter that outruns its own sound, once a run."""
+        if self._told_of_sound:
+            return []
+        sentence = outrun_sound(self._watch, before, state, [body.name for body in self._assembly.bodies])
+        self._told_of_sound = bool(sentence)
+        return [sentence] if sentence else []
 
     def _write_start(self) -> None:
         """Frame 0: displacement zero, without asking the engine, so that it is the file's own."""
@@ -353,13 +363,15 @@ class _Run:
             clipped += int(moved.clipped.sum())
         return degenerate, clipped
 
-    def _recall_valid(self, frame: int) -> None:
-        """The memory of `_shapes` as it was after a frame."""
-        commit = Recording.open(self._writer.path).commit(frame)
-        for valid, rows in zip(self._last_valid, commit.degenerate):
+    def _recall(self, frame: int) -> None:
+        """The memory of `_shapes` and `_outran` as it was after a frame."""
+        recording = Recording.open(self._writer.path)
+        for valid, rows in zip(self._last_valid, recording.commit(frame).degenerate):
             valid[:] = frame
             for row, last in rows:
                 valid[row] = last
+        earlier = (recording.diagnostics(number)["warnings"] for number in range(frame + 1))
+        self._told_of_sound = any(FASTER_THAN_SOUND in warning for warnings in earlier for warning in warnings)
 
     def _keep(self, frame: int, session: EngineSession, *, always: bool) -> None:
         """Write a checkpoint where one is due."""

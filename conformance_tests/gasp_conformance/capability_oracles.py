@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
+from scipy.special import exp1
 
 __all__ = [
     "carried_by_wind",
@@ -21,6 +22,10 @@ __all__ = [
     "radial_frequency",
     "radial_shape",
     "rigid_motion",
+    "snow_pressing_work",
+    "snow_stiffening",
+    "snow_tearing_work",
+    "snow_volume_ratio",
     "von_mises_yield_strain",
 ]
 
@@ -125,6 +130,60 @@ def drucker_prager_friction(friction_angle: float) -> float:
     """
     sine = math.sin(math.radians(friction_angle))
     return 6 * sine / (3 - sine) / math.sqrt(3)
+
+
+def snow_stiffening(plastic_ratio: float, hardening: float) -> float:
+    """Factor exp(xi (1 - J_P)) on both of snow's Lame parameters at a plastic volume ratio J_P.
+
+    Stomakhin et al. 2013, "A material point method for snow simulation" (10.1145/2461912.2461948), section 5:
+    Psi = mu(F_P) |F_E - R_E|^2 + lambda(F_P) / 2 (J_E - 1)^2 of the volume at rest, F = F_E F_P, with the principal
+    stretches of F_E held within [1 - theta_c, 1 + theta_s] and what is beyond given to F_P.
+
+    In a bar that is stretched along its axis alone (free sides and nu = 0, or sides that are held), all of this is
+    scalar: F = F_E J_P, and the force per area at rest is P = dPsi/dF = h(J_P) M (F_E - 1) / J_P with M = E, or
+    M = lambda + 2 mu where the sides are held. At a given J_P that is a spring of stiffness h(J_P) M / J_P^2: it swings
+    sqrt(h(J_P)) / J_P times as fast as the bar that was never pressed, about J_P times its length.
+    """
+    return math.exp(hardening * (1 - plastic_ratio))
+
+
+def snow_pressing_work(plastic_ratio: float, critical_compression: float, hardening: float) -> float:
+    """Work, per volume at rest and over M, of pressing a bar of snow until its plastic volume ratio is J_P < 1.
+
+    The integral of P dF over `snow_stiffening`'s P: theta^2 / 2 up to yield; beyond, F_E = 1 - theta stays and
+    dF = (1 - theta) dJ_P, so theta (1 - theta) times the integral of exp(xi (1 - j)) / j from J_P to 1, which is
+    exp(xi) (E_1(xi J_P) - E_1(xi)), or -ln J_P where nothing hardens.
+    """
+    theta = critical_compression
+    if hardening == 0:
+        return theta**2 / 2 - theta * (1 - theta) * math.log(plastic_ratio)
+    flow = math.exp(hardening) * float(exp1(hardening * plastic_ratio) - exp1(hardening))
+    return theta**2 / 2 + theta * (1 - theta) * flow
+
+
+def snow_volume_ratio(work: float, critical_compression: float, hardening: float) -> float:
+    """Plastic volume ratio J_P to which `work`, per volume at rest and over M, presses a bar of snow.
+
+    The inverse of `snow_pressing_work`: 1 where the work does not reach the yield strain, and not below a thousandth.
+    """
+    least = 1e-3
+
+    def missing(ratio: float) -> float:
+        return snow_pressing_work(ratio, critical_compression, hardening) - work
+
+    if missing(1.0) >= 0:
+        return 1.0
+    return float(brentq(missing, least, 1.0)) if missing(least) > 0 else least
+
+
+def snow_tearing_work(critical_stretch: float, hardening: float) -> float:
+    """Work, per volume at rest and over M, that pulls a bar of snow apart evenly; no other way takes more.
+
+    As `snow_pressing_work`, from J_P = 1 to infinity: theta^2 / 2 + theta (1 + theta) exp(xi) E_1(xi), xi > 0. Snow
+    softens as it is pulled, so it tears in one place, and the rest of it never goes that way.
+    """
+    theta = critical_stretch
+    return theta**2 / 2 + theta * (1 + theta) * math.exp(hardening) * float(exp1(hardening))
 
 
 def von_mises_yield_strain(yield_stress: float, shear_modulus: float) -> float:

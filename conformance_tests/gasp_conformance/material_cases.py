@@ -6,7 +6,7 @@ Solids are told by how free bodies ring, which needs no wall; sand and fluids by
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,12 @@ from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Journal, Subject
 from gasp_core.engine.contract import EngineAccuracy, PointProblem
 from gasp_core.engine.forcing import Collider, ContactCondition
-from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Rigid, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Rigid, Sand, Snow
 from gasp_core.engine.shapes import HalfSpace
 
 __all__ = [
     "Decay",
+    "Pressed",
     "Ring",
     "Sinking",
     "Spin",
@@ -39,10 +40,15 @@ __all__ = [
     "loose_block_parts",
     "rigid_block_spins",
     "shear_flow_dies",
+    "snow_between_walls_is_pressed",
+    "snow_is_pressed",
+    "snow_is_pulled_and_swings",
+    "snow_is_torn",
+    "unyielding",
 ]
 
 Array = NDArray[Any]
-Solid = Elastic | NeoHookean
+Solid = Elastic | NeoHookean | Snow
 
 GRAVITY = 9.81
 _AWAY = np.array([0.37, 0.21, 0.11])
@@ -84,6 +90,28 @@ class Swing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pressed:
+    """A bar of snow between two heavy caps that were thrown at each other.
+
+    Parameters
+    ----------
+    length_error
+        Of the length that its swing below yield stands for, relative.
+    set_error
+        Of what it is shorter by for good, over the closed form's for the work that was done on it; relative.
+    frequency_error
+        Of how much faster it swings than before, over the closed form's for the set it has; relative.
+    swing_error
+        Of how far it swings about that set, over its critical compression; relative.
+    """
+
+    length_error: float
+    set_error: float
+    frequency_error: float
+    swing_error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spin:
     """A rigid body in flight: change of its distances and error of its places, over its size, and Euler's share."""
 
@@ -111,14 +139,6 @@ def _lame_amplitudes(
     return np.array([mode_amplitude((state.positions - plate).ravel(), shape.ravel()) for state in states])
 
 
-def _ringing(times: Array, values: Array, frequency: float) -> tuple[float, float]:
-    """Frequency [Hz] and mean of an oscillation near `frequency`; not numbers where there is none."""
-    try:
-        return damped_oscillation(times, values, frequency)
-    except RuntimeError:
-        return math.nan, math.nan
-
-
 def block_shears_and_returns(subject: Subject, material: Solid) -> Ring:
     """A free plate rings in Lame's mode, at half a percent of strain: tells mu / rho."""
     cells = 8
@@ -126,7 +146,7 @@ def block_shears_and_returns(subject: Subject, material: Solid) -> Ring:
     times = np.linspace(0, 1.3 / frequency, 40)[1:]
     peak = 0.005 / math.pi
     amplitudes = _lame_amplitudes(subject, material, cells, peak * 2 * math.pi * frequency, times)
-    found, _ = _ringing(times, amplitudes, frequency)
+    found, _ = damped_oscillation(times, amplitudes, frequency)
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells))
 
 
@@ -150,7 +170,7 @@ def ball_breathes(subject: Subject, material: Solid) -> Ring:
     times = np.linspace(0, 1.3 / frequency, 40)[1:]
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     amplitudes = [mode_amplitude((state.positions - ball).ravel(), shape.ravel()) for state in states]
-    found, _ = _ringing(times, np.array(amplitudes), frequency)
+    found, _ = damped_oscillation(times, np.array(amplitudes), frequency)
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(root / radius, spacing))
 
 
@@ -255,7 +275,7 @@ def fluid_column_sinks(subject: Subject, material: Fluid, cells: int) -> Sinking
     times = np.linspace(0, 1.2 * period, 60)[1:]
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     sinking = np.array([mode_amplitude(z - state.positions[:, 2], shape) for state in states])
-    frequency, mean = _ringing(times, sinking, 1 / period)
+    frequency, mean = damped_oscillation(times, sinking, 1 / period)
     static = oracles.column_deflection(z, height, material.density, GRAVITY, material.bulk_modulus)
     return Sinking(period_error=1 / (frequency * period) - 1, depth_error=mean / mode_amplitude(static, shape) - 1)
 
@@ -294,6 +314,151 @@ def block_swings(subject: Subject, material: Metal | Plasticine | Foam, over: fl
     amplitudes = _lame_amplitudes(subject, material, cells, peak * 2 * math.pi * frequency, times) / peak
     highest = int(np.argmax(amplitudes))
     return Swing(highest=float(amplitudes[highest]), lowest_after=float(amplitudes[highest:].min()))
+
+
+_BAR_CELLS = 8
+_CAP_CELLS = 2
+_HEAVY = 100.0
+"""Times as dense and as stiff as the bar: sound is as fast in the caps, and takes as small steps."""
+_SMALL_STRAIN = 0.01
+_PRESSED_TO = 0.86
+"""Of its length for good. Far from its yield strain, and from where an engine would think of limits."""
+
+
+def unyielding(material: Snow) -> Snow:
+    """The same snow with a box of stretches so wide that it is elastic."""
+    return replace(material, critical_compression=0.5, critical_stretch=0.5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Press:
+    """A bar of snow along x, 1 m long and a cell thick, whose ends are heavy caps.
+
+    The caps are so heavy that sound goes up and down the bar many times while they swing: it is strained evenly, and
+    the caps on it are a mass on a spring.
+
+    Parameters
+    ----------
+    modulus
+        Of the bar along its axis [Pa].
+    walls
+        What holds its sides.
+    """
+
+    snow: Snow
+    modulus: float
+    walls: tuple[Collider, ...] = ()
+
+    @property
+    def mass(self) -> float:
+        """Reduced mass of the caps, over the bar's cross-section [kg/m^2]; a bar that is strained evenly adds a
+        twelfth of its own."""
+        return self.snow.density * (_HEAVY * _CAP_CELLS / _BAR_CELLS / 2 + 1 / 12)
+
+    @property
+    def pulse(self) -> float:
+        """Angular frequency below yield [rad/s]."""
+        return math.sqrt(self.modulus / self.mass)
+
+    def speed(self, work: float) -> float:
+        """How fast the caps have to come [m/s], to do `work` on the bar, per volume and over its modulus."""
+        return self.pulse * math.sqrt(2 * work)
+
+    def gaps(self, subject: Subject, snow: Snow, speed: float, times: Array) -> Array:
+        """How much farther the caps are apart (T,) [m], of a bar of `snow`, when they start at `speed` [m/s]."""
+        spacing = 1.0 / _BAR_CELLS
+        places = box_of_points(_AWAY, (_BAR_CELLS + 2 * _CAP_CELLS, 1, 1), spacing)
+        along = places[:, 0] - _AWAY[0] - _CAP_CELLS * spacing
+        left, right = along < 0, along > 1
+        velocities = np.zeros_like(places)
+        velocities[:, 0] = speed * (np.clip(along, 0, 1) - 0.5)
+        cap = replace(unyielding(snow), density=_HEAVY * snow.density, youngs_modulus=_HEAVY * snow.youngs_modulus)
+        cloud = cloud_of([places], [velocities], spacing)
+        problem = PointProblem(
+            points=replace(cloud, material_ids=(left | right).astype(np.int32)),
+            materials=(snow, cap),
+            colliders=self.walls,
+            gravity=NO_GRAVITY,
+        )
+        states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
+        moved = [state.positions[:, 0] - places[:, 0] for state in states]
+        return np.array([float(one[right].mean() - one[left].mean()) for one in moved])
+
+    def pressed(self, subject: Subject) -> Pressed:
+        """The caps come at each other slowly, and so fast that the bar is pressed far beyond yield."""
+        snow, period = self.snow, 2 * math.pi / self.pulse
+        times = np.linspace(0, 1.3 * period, 40)[1:]
+        gaps = self.gaps(subject, unyielding(snow), -_SMALL_STRAIN * self.pulse, times)
+        before, _ = damped_oscillation(times, gaps, 1 / period)
+        # A spring is the stiffer the shorter it is; part of the cells at the caps is as stiff as they are.
+        length = 1 / (before * period) ** 2 if before else math.inf
+        nothing = Pressed(length_error=length - 1, set_error=math.nan, frequency_error=math.nan, swing_error=math.nan)
+        if not 0.5 < length < 2:
+            return nothing
+
+        theta, xi = snow.critical_compression, snow.hardening
+        work = exact.snow_pressing_work(_PRESSED_TO, theta, xi)
+        faster = math.sqrt(exact.snow_stiffening(_PRESSED_TO, xi)) / _PRESSED_TO
+        # It comes to rest within half a period, and then swings two of its own.
+        rest, swings = period / 2, 2 * period / faster
+        times = np.linspace(0, rest + swings, 160)[1:]
+        gaps = self.gaps(subject, snow, -self.speed(work), times)[times > rest] / length
+        after, shorter = damped_oscillation(times[times > rest], gaps, faster * before)
+        kept = 1 + shorter
+        set_error = shorter / (exact.snow_volume_ratio(work / length, theta, xi) - 1) - 1
+        if not 0 < kept < 2:
+            return replace(nothing, set_error=set_error)
+        return Pressed(
+            length_error=length - 1,
+            set_error=set_error,
+            frequency_error=after / before * kept / math.sqrt(exact.snow_stiffening(kept, xi)) - 1,
+            swing_error=float(np.ptp(gaps)) / 2 / (theta * kept) - 1,
+        )
+
+
+def snow_is_pressed(subject: Subject, material: Snow) -> Pressed:
+    """A bar with free sides and nu = 0: tells critical compression, set and hardening of mu."""
+    assert material.poissons_ratio == 0
+    return _Press(snow=material, modulus=material.youngs_modulus).pressed(subject)
+
+
+def snow_between_walls_is_pressed(subject: Subject, material: Snow) -> Pressed:
+    """A bar between frictionless walls: tells hardening of lambda, and that a box holds each stretch by itself."""
+    spacing = 1.0 / _BAR_CELLS
+    _, y, z = _AWAY
+    walls = [
+        ((0.0, y, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, y + spacing, 0.0), (0.0, -1.0, 0.0)),
+        ((0.0, 0.0, z), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, z + spacing), (0.0, 0.0, -1.0)),
+    ]
+    held = tuple(
+        Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SLIP) for point, normal in walls
+    )
+    modulus = material.lame_lambda + 2 * material.shear_modulus
+    return _Press(snow=material, modulus=modulus, walls=held).pressed(subject)
+
+
+def snow_is_pulled_and_swings(subject: Subject, material: Snow, over: float) -> Swing:
+    """The caps fly apart so that an elastic bar would be stretched to `over` times the critical stretch."""
+    press = _Press(snow=material, modulus=material.youngs_modulus)
+    peak = over * material.critical_stretch
+    times = np.linspace(0, 1.1 * 2 * math.pi / press.pulse, 60)[1:]
+    gaps = press.gaps(subject, material, peak * press.pulse, times) / peak
+    highest = int(np.argmax(gaps))
+    return Swing(highest=float(gaps[highest]), lowest_after=float(gaps[highest:].min()))
+
+
+def snow_is_torn(subject: Subject, material: Snow, over: float) -> float:
+    """The caps fly apart with `over` times the energy that tears the bar: what is left of their speed.
+
+    It is that of 0.7 periods later, when a bar that did not tear has them on their way back.
+    """
+    press = _Press(snow=material, modulus=material.youngs_modulus)
+    speed = press.speed(over * exact.snow_tearing_work(material.critical_stretch, material.hardening))
+    times = np.array([0.65, 0.75]) * 2 * math.pi / press.pulse
+    first, last = press.gaps(subject, material, speed, times)
+    return float(last - first) / float(times[1] - times[0]) / speed
 
 
 def rigid_block_spins(subject: Subject, material: Rigid) -> Spin:

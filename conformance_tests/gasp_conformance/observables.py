@@ -67,6 +67,8 @@ def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[f
 
     mean = float(np.mean(values))
     amplitude = float(np.ptp(values)) / 2
+    if not amplitude > 0:
+        return math.nan, math.nan
     phase = math.asin(max(-1.0, min(1.0, (float(values[0]) - mean) / amplitude)))
     try:
         found, _ = curve_fit(model, times, values, p0=[amplitude, frequency, 0.0, phase, mean])

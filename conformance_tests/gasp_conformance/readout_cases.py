@@ -17,7 +17,7 @@ from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.core_cases import SPACING, read_fields, swaying_block
 from gasp_conformance.observables import angular_momentum
 from gasp_conformance.specimens import NO_GRAVITY, lone_points, specimen
-from gasp_conformance.subject import Journal, Subject
+from gasp_conformance.subject import Journal, Subject, finite_state
 from gasp_conformance.wall_cases import stiff_material
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Status
 from gasp_core.engine.materials import Elastic, Material, NeoHookean
@@ -292,15 +292,15 @@ def resumed_run(subject: Subject) -> Resumption:
         kept = dict(session.checkpoint())
         frozen = {name: np.array(array) for name, array in kept.items()}
         substeps += session.advance_to(end).substep_count
-        whole = session.read(shown)
+        whole = finite_state(session, shown)
     for name, array in frozen.items():
         assert np.array_equal(kept[name], array, equal_nan=True), f"the checkpoint's {name} changed as the run went on"
     with _reopened(subject, problem, _through_a_file(frozen)) as session:
         begun_at = session.time
-        untouched = session.read(shown)
+        untouched = finite_state(session, shown)
         report = session.advance_to(end)
         assert report.status is Status.OK, report.warnings
-        resumed = session.read(shown)
+        resumed = finite_state(session, shown)
     return Resumption(whole=whole, resumed=resumed, begun_at=begun_at, untouched=untouched, substeps=substeps)
 
 

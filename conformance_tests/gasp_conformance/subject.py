@@ -22,7 +22,7 @@ from gasp_core.engine.detector import non_finite_rows
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 
-__all__ = ["Journal", "Subject", "Undeclared", "find_subject"]
+__all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state"]
 
 
 class Undeclared(UnsupportedSceneError):
@@ -112,11 +112,7 @@ class Subject:
                     )
                 if journal is not None:
                     journal.reports.append(report)
-                state = session.read(wanted)
-                # A NaN is neither above a bound nor the larger of two numbers: no figure would show it.
-                lost = non_finite_rows(state.positions, state.velocities, state.deformation_gradients)
-                assert not len(lost), f"{self.name} says all is well at {time:.6g} s, and point {lost[0]} is not finite"
-                yield state
+                yield finite_state(session, wanted)
 
 
 @dataclass(slots=True)
@@ -134,6 +130,26 @@ class Journal:
     def largest_substep(self) -> float:
         """Of all advances [s]."""
         return max(report.largest_substep for report in self.reports)
+
+
+def finite_state(session: EngineSession, fields: frozenset[Field]) -> PointState:
+    """What a session shows where nothing has gone wrong.
+
+    A NaN is neither above a bound nor the larger of two numbers, and bit for bit it is equal to itself: no figure would
+    show it.
+
+    Raises
+    ------
+    AssertionError
+        Where what is read is not finite.
+    """
+    state = session.read(fields)
+    for what, rows in (
+        ("point", non_finite_rows(state.positions, state.velocities, state.deformation_gradients)),
+        ("tracer", non_finite_rows(state.tracer_positions)),
+    ):
+        assert not len(rows), f"what is shown at {state.time:.6g} s is not finite, first in {what} {rows[0]}"
+    return state
 
 
 def find_subject(name: str, precision: Precision | None) -> Subject:

@@ -32,7 +32,7 @@ from gasp_conformance.elsewhere import run_elsewhere
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.plugin_imports import plugin_imports, plugin_modules
 from gasp_conformance.specimens import NO_GRAVITY, block_problem, plain_material
-from gasp_conformance.subject import Subject
+from gasp_conformance.subject import Subject, finite_state
 from gasp_core.engine.contract import (
     Determinism,
     EngineAccuracy,
@@ -70,7 +70,7 @@ def final(subject: Subject, problem: PointProblem) -> tuple[PointState, int]:
     """The last of the usual frames, with everything that can be read, and how many substeps it took to get there."""
     with subject.open(problem, ACCURACY, read_fields(subject)) as session:
         count = sum(advanced(session, time).substep_count for time in TIMES)
-        return session.read(read_fields(subject)), count
+        return finite_state(session, read_fields(subject)), count
 
 
 def agree(subject: Subject, ledger: Ledger, case: str, one: PointState, other: PointState, substeps: int) -> None:
@@ -133,7 +133,7 @@ def test_lifecycle(subject: Subject, ledger: Ledger) -> None:
     reference = problem.points.reference_positions
     with subject.open(problem, ACCURACY) as session:
         assert session.time == 0.0
-        first = session.read(frozenset({Field.POSITIONS}))
+        first = finite_state(session, frozenset({Field.POSITIONS}))
         assert first.time == 0.0
         assert first.positions.shape == reference.shape
         # Stored and scaled back: no step was taken.
@@ -143,7 +143,7 @@ def test_lifecycle(subject: Subject, ledger: Ledger) -> None:
 
         for now in (0.0, FRAME):
             advanced(session, now)
-            before = session.read(frozenset({Field.POSITIONS}))
+            before = finite_state(session, frozenset({Field.POSITIONS}))
             still = advanced(session, now)
             assert still.substep_count == 0, "advancing to the present takes no substeps"
             assert session.time == now
@@ -154,7 +154,7 @@ def test_lifecycle(subject: Subject, ledger: Ledger) -> None:
             assert session.time == FRAME
         assert not states_differ(before, session.read(frozenset({Field.POSITIONS})))
         advanced(session, 2 * FRAME)
-        assert states_differ(before, session.read(frozenset({Field.POSITIONS}))) == ["positions"]
+        assert states_differ(before, finite_state(session, frozenset({Field.POSITIONS}))) == ["positions"]
 
     class Interrupted(Exception): ...
 
@@ -173,7 +173,7 @@ def test_lands_on_time(subject: Subject, ledger: Ledger) -> None:
     with subject.open(problem, ACCURACY) as session:
         for time in times:
             substeps += advanced(session, time).substep_count
-            state = session.read(frozenset({Field.POSITIONS}))
+            state = finite_state(session, frozenset({Field.POSITIONS}))
             assert session.time == time, f"asked for {time!r} s, it is at {session.time!r} s"
             assert state.time == time, f"asked for {time!r} s, the state is of {state.time!r} s"
             exact = reference + velocity * time
@@ -333,7 +333,7 @@ def test_refusals(subject: Subject, ledger: Ledger) -> None:
             with subject.open(problem, bold) as session:
                 report = advanced(session, step)
                 assert report.substep_count == 1, "a fixed substep far above the bound was accepted, and not taken"
-                wide = float(np.ptp(session.read(frozenset()).positions, axis=0).max())
+                wide = float(np.ptp(finite_state(session, frozenset()).positions, axis=0).max())
             size = problem.points.size
             velocities = problem.points.initial_velocities
             apart = float(np.linalg.norm(velocities - velocities.mean(axis=0), axis=1).max())
@@ -423,14 +423,14 @@ def test_error_kinds(subject: Subject, capfd: pytest.CaptureFixture[str]) -> Non
         assert report.warnings, "a verdict has to have a reason"
         for warning in report.warnings:
             assert warning.strip() and "\n" not in warning, f"not one line: {warning!r}"
-        assert np.isfinite(session.read(frozenset()).positions).all()
+        finite_state(session, frozenset())
         with pytest.raises(ValueError) as past:
             session.advance_to(-1.0)
         _one_line("an advance into the past", past.value)
     # What was refused has left nothing behind that would stand in the way.
     with subject.open(problem, ACCURACY, read_fields(subject)) as session:
         advanced(session, FRAME)
-        session.read(read_fields(subject))
+        finite_state(session, read_fields(subject))
     printed = capfd.readouterr().out
     assert not printed, f"standard output belongs to the caller; printed was {printed[:200]!r}"
 
@@ -455,7 +455,7 @@ def test_determinism_of_many_points(subject: Subject, ledger: Ledger) -> None:
     for _ in range(3):
         with subject.open(problem, ACCURACY, read_fields(subject)) as session:
             substeps = advanced(session, FRAME).substep_count
-            ends.append(session.read(read_fields(subject)))
+            ends.append(finite_state(session, read_fields(subject)))
     agree(subject, ledger, "determinism of 27000 points, 2nd run", ends[0], ends[1], substeps)
     agree(subject, ledger, "determinism of 27000 points, 3rd run", ends[0], ends[2], substeps)
 
@@ -474,10 +474,10 @@ def test_side_by_side(subject: Subject, ledger: Ledger) -> None:
         advanced(left, TIMES[1])
         advanced(right, TIMES[1])
         advanced(right, TIMES[2])
-        together = right.read(shown)
+        together = finite_state(right, shown)
     # One goes on when the other has closed.
     advanced(left, TIMES[2])
-    pair = (left.read(shown), together)
+    pair = (finite_state(left, shown), together)
     left.close()
     for name, (lone, substeps), accompanied in zip(("first", "second"), alone, pair):
         agree(subject, ledger, f"side-by-side {name} session", lone, accompanied, substeps)
@@ -498,7 +498,7 @@ def test_close_twice(subject: Subject) -> None:
             with pytest.raises(ValueError):
                 session.advance_to(time)
         advanced(bystander, FRAME)
-        assert np.isfinite(bystander.read(frozenset()).positions).all()
+        finite_state(bystander, frozenset())
     with subject.open(problem, ACCURACY) as session:
         session.close()
 

@@ -50,7 +50,7 @@ MUTANTS: dict[str, Any] = _catalogue().MUTANTS
 RIGHT = "reference-mpm"
 """What they all are but for one fault."""
 
-HARMLESS = ("close-twice", "lifecycle")
+HARMLESS = ("close-twice", "lifecycle", "substep-obeyed")
 """Quick checks, of which every mutant passes one: a fault is one thing, an engine that does nothing right another."""
 
 HASTY = """
@@ -172,6 +172,13 @@ def _catching(slow: bool) -> list[str]:
 def test_the_right_engine_passes_what_catches_them(endings: Any, slow: bool) -> None:
     names = _catching(slow)
     assert endings(RIGHT, names) == dict.fromkeys(names, "")
+
+
+SNOW = [f"material:snow[{what}]" for what in ("elastic", "compaction", "confined", "tearing")]
+
+
+def test_right_snow_passes_what_catches_wrong_snow(endings: Any) -> None:
+    assert endings("right-snow", SNOW) == dict.fromkeys(SNOW, "")
 
 
 def test_every_core_check_catches_somebody(pytester: pytest.Pytester) -> None:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem, PointState, Status
 from gasp_core.engine.forcing import Drive, Driven, ForceField, Impulse, Pinned, Wind
-from gasp_core.engine.materials import Elastic, NeoHookean
+from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean
 
 __all__ = [
+    "FASTER_THAN_SOUND",
     "Verdict",
     "Watch",
     "drive_speed",
@@ -26,7 +27,9 @@ __all__ = [
     "inspect",
     "kinetic_energy",
     "non_finite_rows",
+    "outrun_sound",
     "released_potential",
+    "sound_speed",
     "stretched_out",
     "watch_over",
     "work_starts",
@@ -43,6 +46,9 @@ _STRETCHED_SHARE = 0.01
 blow-up on its way."""
 _INVISIBLE = 1e-4
 """A motion of this fraction of the size within a frame is not seen, nor its energy minded."""
+
+FASTER_THAN_SOUND = "faster than sound in it"
+"""Within whatever `outrun_sound` says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,6 +198,60 @@ def stretched_out(determinants: Array, elastic: Array) -> Array:
     """Mask (N,) of elastic points whose volume ratio is outside 0.05..20."""
     low, high = _VOLUME_RATIOS
     return elastic & ~((determinants >= low) & (determinants <= high))
+
+
+def sound_speed(material: Material) -> float:
+    """Speed of sound [m/s] in matter at rest: sqrt(E/rho) along a bar of a solid, sqrt(K/rho) in a fluid.
+
+    Infinite where a material has no such modulus.
+    """
+    modulus = _sound_modulus(material)
+    return math.inf if modulus is None else math.sqrt(modulus[1] / material.density)
+
+
+def _sound_modulus(material: Material) -> tuple[str, float] | None:
+    """Name and value [Pa] of the modulus that its speed of sound goes with."""
+    name = "bulk_modulus" if isinstance(material, Fluid) else "youngs_modulus"
+    value: float | None = getattr(material, name, None)
+    return None if value is None else (name, value)
+
+
+def outrun_sound(watch: Watch, before: PointState, now: PointState, body_names: Sequence[str]) -> str:
+    """One sentence where a point goes faster than sound in its material, of the one that does so most; else nothing.
+
+    Such matter is in no danger as long as it flies. What it runs into strains it by v / c or so, which is more than any
+    law here is meant for.
+
+    Parameters
+    ----------
+    watch
+        The measure.
+    before, now
+        States of the frame before and of this one, both finite. The speeds at both ends count, and the mean between.
+    body_names
+        By `PointCloud.body_ids`.
+    """
+    problem = watch.problem
+    speeds = np.zeros(len(now.positions))
+    if now.time > before.time:
+        speeds = np.linalg.norm(now.positions - before.positions, axis=1) / (now.time - before.time)
+    for state in (before, now):
+        if state.velocities is not None:
+            speeds = np.maximum(speeds, np.linalg.norm(state.velocities, axis=1))
+    sound = np.array([sound_speed(material) for material in problem.materials])[problem.points.material_ids]
+    row = int(np.argmax(speeds / sound))
+    speed = float(speeds[row])
+    if not speed > sound[row]:
+        return ""
+    material = problem.materials[problem.points.material_ids[row]]
+    modulus = _sound_modulus(material)
+    assert modulus is not None, "nothing outruns what has no speed of sound"
+    symbol = "K" if isinstance(material, Fluid) else "E"
+    return (
+        f'object "{body_names[problem.points.body_ids[row]]}" goes at {speed:.3g} m/s, {FASTER_THAN_SOUND}'
+        f" ({material.kind}: sqrt({symbol}/rho) = {sound[row]:.3g} m/s): an impact at that speed crushes it;"
+        f" slow it down, or give it a {modulus[0]} above rho v^2 = {material.density * speed**2:.3g} Pa"
+    )
 
 
 def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:

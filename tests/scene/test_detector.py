@@ -9,16 +9,20 @@ import pytest
 from gasp_core import Driven, Elastic, Fluid, Impulse, Pinned, SphereShape, Wind
 from gasp_core.engine.contract import PointCloud, PointProblem, PointState, Status
 from gasp_core.engine.detector import (
+    FASTER_THAN_SOUND,
     drive_speed,
     excess_displacement,
     inspect,
     kinetic_energy,
     non_finite_rows,
+    outrun_sound,
     released_potential,
+    sound_speed,
     stretched_out,
     watch_over,
     work_starts,
 )
+from gasp_core.engine.materials import Rigid, Sand
 
 JELLY = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 WATER = Fluid(density=1000.0, bulk_modulus=1e5)
@@ -201,3 +205,60 @@ def test_rows():
     a[2, 1], b[0, 2, 2] = np.nan, -np.inf
     assert np.array_equal(non_finite_rows(a, None, b), [0, 2])
     assert len(non_finite_rows(None)) == 0
+
+
+def test_sound_goes_by_the_modulus_and_the_density():
+    assert sound_speed(JELLY) == 10.0
+    assert sound_speed(Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2)) == 25.0
+    assert sound_speed(Fluid(density=1000.0, bulk_modulus=2.25e9)) == 1500.0
+    assert sound_speed(Rigid(density=1.0)) == math.inf
+
+
+def outran(problem, before, now):
+    return outrun_sound(watch_over(problem, STEP), before, now, ["thing"])
+
+
+def test_matter_that_outruns_its_sound_is_told_with_what_helps():
+    case = problem(velocity=(12.0, 16.0, 0.0), gravity=(0, 0, 0))
+    said = outran(case, flown(case, 0.0), flown(case, STEP))
+    assert FASTER_THAN_SOUND in said and "\n" not in said
+    assert 'object "thing" goes at 20 m/s' in said
+    assert "elastic: sqrt(E/rho) = 10 m/s" in said
+    assert "youngs_modulus above rho v^2 = 4e+05 Pa" in said
+    water = problem(material=WATER, velocity=(0.0, 0.0, -20.0), gravity=(0, 0, 0))
+    said = outran(water, flown(water, 0.0), flown(water, STEP))
+    assert "fluid: sqrt(K/rho) = 10 m/s" in said and "bulk_modulus above rho v^2 = 4e+05 Pa" in said
+
+
+def test_matter_at_its_speed_of_sound_and_what_has_none_are_not_told():
+    slow = problem(velocity=(9.999, 0.0, 0.0), gravity=(0, 0, 0))
+    assert outran(slow, flown(slow, 0.0), flown(slow, STEP)) == ""
+    rigid = problem(material=Rigid(density=1000.0), velocity=(1e4, 0.0, 0.0))
+    assert outran(rigid, flown(rigid, 0.0), flown(rigid, STEP)) == ""
+
+
+def test_one_point_within_a_frame_is_enough_whatever_shows_it():
+    case = problem(gravity=(0, 0, 0))
+    before, now = flown(case, 0.0), flown(case, STEP)
+    struck = np.array(now.velocities)
+    struck[17] = [0.0, -11.0, 0.0]
+    # At either end of a frame: what is stopped within it was fast before.
+    assert "11 m/s" in outran(case, before, changed(now, velocities=struck))
+    assert "11 m/s" in outran(case, changed(before, velocities=struck), now)
+    # An engine that shows no velocities: by the way gone.
+    moved = np.array(now.positions)
+    moved[17, 1] -= 11.0 * STEP
+    silent = [changed(state, velocities=None) for state in (before, changed(now, positions=moved))]
+    assert "11 m/s" in outran(case, *silent)
+    # Two looks at one time have no way between them.
+    assert outran(case, silent[0], changed(silent[0])) == ""
+
+
+def test_of_two_materials_the_one_that_outruns_its_own_sound_is_named():
+    case = problem(velocity=(12.0, 0.0, 0.0), gravity=(0, 0, 0))
+    ids = np.arange(500) % 2
+    points = dataclasses.replace(case.points, material_ids=ids, body_ids=ids)
+    stiff = dataclasses.replace(JELLY, youngs_modulus=1e9)
+    case = dataclasses.replace(case, points=points, materials=(stiff, JELLY))
+    said = outrun_sound(watch_over(case, STEP), flown(case, 0.0), flown(case, STEP), ["plate", "cake"])
+    assert 'object "cake" goes at 12 m/s' in said

@@ -397,3 +397,47 @@ def test_every_public_name_is_there():
 def test_fields_named_in_the_contract_are_read(scene_of, run, tmp_path):
     fields = frozenset({Field.VELOCITIES})
     assert run(scene_of(), tmp_path / "a.gasp", fields=fields).diagnostics(1)["inverted"] is None
+
+
+def told_of_sound(recording):
+    """Frames with the warning, and the warnings."""
+    entries = enumerate(recording.diagnostics())
+    return [(frame, warning) for frame, entry in entries for warning in entry["warnings"] if "sound" in warning]
+
+
+def test_matter_that_outruns_its_sound_is_told_once(ballistic, scene_of, tmp_path, capfd):
+    # c = 10 m/s; falling from rest at 30 m/s^2 it is that fast after a third of a second, within frame 9.
+    scene = scene_of(gravity=(0.0, 0.0, -30.0))
+    engine = (ballistic.descriptor(), ballistic.Ballistic())
+    recording = gasp_core.simulate(scene, engine, tmp_path / "a.gasp", progress=True)
+    assert recording.status == "complete"
+    [(frame, warning)] = told_of_sound(recording)
+    assert frame == 9
+    # At the end of that frame, 0.36 s.
+    assert 'object "thing" goes at 10.8 m/s, faster than sound in it (elastic: sqrt(E/rho) = 10 m/s)' in warning
+    assert "youngs_modulus above rho v^2 = 1.17e+05 Pa" in warning
+    shown = [line for line in capfd.readouterr().err.splitlines() if "faster than sound" in line]
+    assert [line.strip() for line in shown] == [f"frame 9: {warning}"]
+
+
+def test_what_was_told_before_a_run_stopped_is_not_told_again(scene_of, run, tmp_path):
+    scene = scene_of(velocity=(15.0, 0.0, 0.0))
+    whole = run(scene, tmp_path / "whole.gasp")
+    assert [frame for frame, _ in told_of_sound(whole)] == [1]
+    run(scene, tmp_path / "a.gasp", frames=5)
+    again = run(scene, tmp_path / "a.gasp", resume=True)
+    assert whole.diagnostics() == again.diagnostics()
+    # And what was not told before is told then.
+    late = scene_of(gravity=(0.0, 0.0, -30.0))
+    run(late, tmp_path / "b.gasp", frames=5)
+    assert [frame for frame, _ in told_of_sound(run(late, tmp_path / "b.gasp", resume=True))] == [9]
+
+
+def test_matter_slower_than_its_sound_is_not_told_of(scene_of, run, tmp_path):
+    assert told_of_sound(run(scene_of(velocity=(9.0, 0.0, 0.0)), tmp_path / "a.gasp")) == []
+
+
+def test_an_engine_that_shows_no_velocities_is_watched_by_the_way_gone(scene_of, run, tmp_path):
+    recording = run(scene_of(velocity=(15.0, 0.0, 0.0)), tmp_path / "a.gasp", fields=frozenset())
+    [(frame, warning)] = told_of_sound(recording)
+    assert frame == 1 and "goes at 15 m/s" in warning

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from gasp_reference_mpm.plugin import CAPABILITIES
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Snow
+from gasp_core.engine.materials import Elastic
 from mutants.base import Mutant, mutant
-from mutants.problems import elastic, with_materials
 
 
 @mutant("order-overstated", {"temporal-order": "measured, 3 declared"})
@@ -19,12 +17,16 @@ class OrderOverstated(Mutant):
     declares = replace(CAPABILITIES, temporal_order=3.0)
 
 
-@mutant("snow-is-rubber", {"material:snow": "the suite has no check for material:snow yet"})
-class SnowIsRubber(Mutant):
-    """Snow is declared, and never yields."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jelly(Elastic):
+    """No check can know it."""
+
+    kind = "jelly"
+
+
+@mutant("jelly-declared", {"material:jelly": "the suite has no check for material:jelly yet"})
+class JellyDeclared(Mutant):
+    """A material of its own is declared, which nothing shows."""
 
     right_can = False
-    declares = replace(CAPABILITIES, materials=CAPABILITIES.materials | {Snow})
-
-    def problem(self, problem: PointProblem) -> PointProblem:
-        return with_materials(problem, lambda one: elastic(one, Snow))
+    declares = replace(CAPABILITIES, materials=CAPABILITIES.materials | {Jelly})

@@ -11,7 +11,7 @@ import numpy as np
 from gasp_core.engine.contract import PointProblem, StepReport
 from gasp_core.engine.forcing import Collider, ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Side, Wind
 from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
-from gasp_core.engine.shapes import BoxShape, SphereShape
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from mutants.base import Mutant, Session, mutant
 
 
@@ -132,6 +132,19 @@ class PoissonsRatioIgnored(Mutant):
         )
 
 
+@mutant("locks", {"near-incompressible": "sag"}, slow=["near-incompressible"])
+class Locks(Mutant):
+    """Cells that keep their volume lock: a fibre that bending stretches is as stiff as if its sides were held."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return with_materials(problem, self._locked)
+
+    def _locked(self, material: Material) -> Material:
+        if not isinstance(material, Elastic):
+            return material
+        return replace(material, youngs_modulus=material.lame_lambda + 2 * material.shear_modulus)
+
+
 @mutant("first-material-for-all", {"density-ratio": "momentum error"})
 class FirstMaterialForAll(Mutant):
     """All bodies are made of the first material."""
@@ -247,6 +260,38 @@ class BallsAreBoxes(Mutant):
         if not isinstance(ball, SphereShape):
             return collider
         return replace(collider, shape=BoxShape(center=ball.center, half_extents=(ball.radius,) * 3))
+
+
+@mutant(
+    "planes-through-the-origin",
+    {"collider:plane[outside]": "deepest point", "collider:plane[inside]": "stopped before it"},
+)
+class PlanesThroughTheOrigin(Mutant):
+    """A plane has a normal, and its point is ignored."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, self._shifted)
+
+    def _shifted(self, collider: Collider) -> Collider:
+        plane = collider.shape
+        if not isinstance(plane, HalfSpace):
+            return collider
+        return replace(collider, shape=replace(plane, point=(0.0, 0.0, 0.0)))
+
+
+@mutant("half-extents-halved", {"collider:box[outside]": "deepest point", "collider:box[inside]": "stopped before it"})
+class HalfExtentsHalved(Mutant):
+    """A box's half extents are taken for its whole ones."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, self._halved)
+
+    def _halved(self, collider: Collider) -> Collider:
+        box = collider.shape
+        if not isinstance(box, BoxShape):
+            return collider
+        x, y, z = box.half_extents
+        return replace(collider, shape=replace(box, half_extents=(x / 2, y / 2, z / 2)))
 
 
 @mutant("impulse-twice", {"drive:impulse": "error of the centre after"})

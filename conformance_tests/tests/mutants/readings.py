@@ -9,7 +9,7 @@ import numpy as np
 from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import Field, PointProblem, PointState, StepReport
+from gasp_core.engine.contract import Field, PointProblem, PointState, Precision, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]
@@ -114,7 +114,10 @@ class Spoiling(Showing):
         return replace(state, positions=positions)
 
 
-@mutant("one-nan", {"drift": "is not finite", "V2": "is not finite"})
+_NAN = "is not finite, first in point"
+
+
+@mutant("one-nan", {"drift": _NAN, "V2": _NAN, "lands-on-time": _NAN, "lifecycle": _NAN, "determinism": _NAN})
 class OneNan(Mutant):
     """One coordinate of one point is no number."""
 
@@ -131,6 +134,29 @@ class SinglePrecision(Mutant):
     """Double precision is declared, and places are kept in single."""
 
     session = Single
+
+
+class Halving(Showing):
+    precision = Precision.FLOAT64
+
+    def shown(self, state: PointState) -> PointState:
+        if self.precision is Precision.FLOAT64:
+            return state
+        return replace(state, positions=state.positions.astype(np.float16).astype(np.float64))
+
+
+@mutant("half-precision", {"precision:float32": "float32: drift error"})
+class HalfPrecision(Mutant):
+    """Single precision is declared, and places are kept in half."""
+
+    right_can = False
+    declares = replace(CAPABILITIES, precisions=(Precision.FLOAT64, Precision.FLOAT32))
+    session = Halving
+
+    def open(self, problem: PointProblem, *, precision: Precision, **choices: Any) -> Session:
+        session = super().open(problem, precision=Precision.FLOAT64, **choices)
+        session.precision = precision
+        return session
 
 
 class Unscaling(Showing):

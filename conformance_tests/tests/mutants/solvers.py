@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, ClassVar
 from unittest.mock import patch
 
 import numpy as np
+from gasp_reference_mpm.boundary import collided
 from gasp_reference_mpm.transfer import gather
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import StepReport
+from gasp_core.engine.contract import EngineAccuracy, StepReport
+from gasp_core.engine.forcing import Collider
+from gasp_core.engine.stability import MotionLimits
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]
@@ -88,3 +91,38 @@ class ThirdAxisForgotten(InsideOut):
     """A plane solver was given a third axis, along which velocities have no gradient."""
 
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _flat_gather}
+
+
+def _step_of_stiffness(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy) -> float:
+    return accuracy.substep or accuracy.substep_fraction * limits.stress
+
+
+@mutant("steps-by-stiffness-alone", {"speed": r"a block in walls: ended with non_finite: point \d+ crosses"})
+class StepsByStiffnessAlone(InsideOut):
+    """However fast matter is, steps are as long as its stiffness bears."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.substep_size": _step_of_stiffness}
+
+
+def _braked(velocities: Array, places: Array, colliders: Sequence[Collider], spacing: float) -> Array:
+    return 0.9 * velocities + 0.1 * collided(velocities, places, colliders, spacing)
+
+
+@mutant("walls-brake", {"speed": r"points beyond \[m\]"})
+class WallsBrake(InsideOut):
+    """A wall takes a tenth a substep of the velocity into it, which stops what is slow."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.collided": _braked}
+
+
+def _stress_with_another_volume_term(deformation: Array, mu: float, lame: float) -> Array:
+    ratio = np.linalg.det(deformation)
+    shear = mu * (deformation @ deformation.swapaxes(1, 2) - np.eye(3))
+    return shear + (lame * (ratio - 1) * ratio)[:, None, None] * np.eye(3)
+
+
+@mutant("another-volume-term", {"V17": "distance / amplitude is"})
+class AnotherVolumeTerm(InsideOut):
+    """Neo-Hookean matter has lambda (J - 1)^2 / 2 in its energy, where the law has lambda (ln J)^2 / 2."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.neo_hookean_stress": _stress_with_another_volume_term}
