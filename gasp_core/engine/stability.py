@@ -1,12 +1,15 @@
 """How large a step explicit MLS-MPM bears, in one place for every engine that steps explicitly.
 
 The linear bound is that of an isolated point under quadratic B-splines: the point's own affine velocity C and its own
-stress form the stiffest oscillator there is, wherever the point sits in its cell (neighbours only soften it). With
-D = dx^2/4 one step maps (C, tau) by a 2x2 matrix whose spectral radius leaves 1 at
+stress form the stiffest oscillator there is (neighbours only soften it). A step takes C to C - k tau and the strain by
+dt (C - k S tau), where k = 4 dt / (rho dx^2) and S = sum_i a_i^2 / (4 w_i) of the kernel a of `gasp_core.engine.mpm`:
+S = 1 for moving least squares, and up to 1 + s^2/2 with a share s of the gradient, for a point between two nodes. The
+2x2 matrix of one mode of stiffness M has determinant 1 - q (S - 1) and trace 2 - q S, q = dt k M, and so a spectral
+radius of at most 1 as long as q (2 S - 1) <= 4:
 
-    dt = 2 sqrt(D rho / max(2 mu, 2 mu + 3 lambda)),
+    dt = dx sqrt(rho / (max(2 mu, 2 mu + 3 lambda) (1 + s^2))),
 
-which for a solid with nu >= 0 is dx sqrt(rho (1 - 2 nu) / E).
+which for a solid with nu >= 0 is dx sqrt(rho (1 - 2 nu) / (E (1 + s^2))).
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from numpy.typing import NDArray
 from gasp_core.engine.contract import EngineAccuracy, PointProblem
 from gasp_core.engine.forcing import Drive, ForceField, Impulse
 from gasp_core.engine.materials import Fluid, Material
+from gasp_core.engine.mpm import GRADIENT_SHARE
 from gasp_core.errors import SceneError
 
 __all__ = [
@@ -76,18 +80,20 @@ class MotionLimits:
 def rest_bound(material: Material, spacing: float) -> float:
     """Largest stable step [s] of an isolated, undeformed point; inf for a material without stiffness.
 
-    For a fluid mu = 0 and lambda = K, and the viscous force alone would bear rho dx^2 / (4 eta): both rates add.
+    For a fluid mu = 0 and lambda = K, and the viscous force alone would bear rho dx^2 / (4 eta (1 + s^2)): both rates
+    add.
     """
-    quarter = spacing * spacing / 4  # D of the quadratic B-spline
+    # D of the quadratic B-spline, and what the kernel's share of the gradient leaves of it.
+    inertia = spacing * spacing / (4 * (1 + GRADIENT_SHARE**2))
     mu = getattr(material, "shear_modulus", 0.0)
     lame = material.bulk_modulus if isinstance(material, Fluid) else getattr(material, "lame_lambda", 0.0)
     stiffness = max(2 * mu, 2 * mu + 3 * lame)
     if stiffness <= 0:
         return math.inf
-    bound = 2 * math.sqrt(quarter * material.density / stiffness)
+    bound = 2 * math.sqrt(inertia * material.density / stiffness)
     viscosity = getattr(material, "viscosity", 0.0)
     if viscosity > 0:
-        bound = 1 / (1 / bound + viscosity / (quarter * material.density))
+        bound = 1 / (1 / bound + viscosity / (inertia * material.density))
     return bound
 
 

@@ -91,7 +91,7 @@ class SubstepsMisreported(Mutant):
 class Stuttering(Session):
     def advance_to(self, time: float) -> StepReport:
         if time > self.time:
-            self.change(velocity_gradients=np.zeros((len(self.problem.points), 3, 3)))
+            self.change(affine_velocities=np.zeros((len(self.problem.points), 3, 3)))
         return super().advance_to(time)
 
 
@@ -106,7 +106,7 @@ class Disturbed(Session):
     def read(self, fields: frozenset[Field]) -> PointState:
         state = self.inner.read(fields)
         if self.time > 0:
-            self.change(velocity_gradients=np.zeros((len(self.problem.points), 3, 3)))
+            self.change(affine_velocities=np.zeros((len(self.problem.points), 3, 3)))
         return state
 
 
@@ -177,7 +177,7 @@ class StartingFlat(Session):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         if self.inner.time == 0:
-            self.change(velocity_gradients=np.zeros((len(self.problem.points), 3, 3)))
+            self.change(affine_velocities=np.zeros((len(self.problem.points), 3, 3)))
 
 
 @mutant("spin-hidden", {"conserved:angular_momentum": "relative change", "V8[4 cells]": "spin kept - expected"})

@@ -132,7 +132,7 @@ class PoissonsRatioIgnored(Mutant):
         )
 
 
-@mutant("locks", {"near-incompressible": "sag"}, slow=["near-incompressible"])
+@mutant("locks", {"near-incompressible": "mean drop"}, slow=["near-incompressible"])
 class Locks(Mutant):
     """Cells that keep their volume lock: a fibre that bending stretches is as stiff as if its sides were held."""
 

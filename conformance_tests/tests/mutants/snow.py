@@ -10,6 +10,7 @@ import numpy as np
 from gasp_reference_mpm.constitution import fixed_corotated_stress
 from gasp_reference_mpm.matter import Matter, Motion
 from gasp_reference_mpm.plugin import CAPABILITIES
+from gasp_reference_mpm.transfer import Stencil
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
@@ -31,7 +32,7 @@ def _hardened(material: Snow, volume_gains: Array) -> Array:
     return np.exp(material.hardening * (1 - np.exp(volume_gains)))
 
 
-def _stress(matter: Matter, motion: Motion) -> Array:
+def _stress(matter: Matter, motion: Motion, _: Stencil) -> Array:
     stress = np.empty_like(motion.deformations)
     for material, rows in matter.portions:
         at_rest = fixed_corotated_stress(motion.deformations[rows], material.shear_modulus, material.lame_lambda)

@@ -65,9 +65,9 @@ class FluidPulls(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.fluid_stress": _pulling_stress}
 
 
-def _transposing_gather(*arguments: Any) -> tuple[Array, Array]:
-    velocities, gradients = gather(*arguments)
-    return velocities, np.ascontiguousarray(gradients.swapaxes(1, 2))
+def _transposing_gather(*arguments: Any) -> tuple[Array, ...]:
+    velocities, *gradients = gather(*arguments)
+    return velocities, *(np.ascontiguousarray(each.swapaxes(1, 2)) for each in gradients)
 
 
 @mutant("affine-transposed", {"field:deformation_gradients": r"from I \+ A t", "V8[8 cells]": "spin kept"})
@@ -77,9 +77,9 @@ class AffineTransposed(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _transposing_gather}
 
 
-def _flat_gather(*arguments: Any) -> tuple[Array, Array]:
-    velocities, gradients = gather(*arguments)
-    return velocities, gradients * [1.0, 1.0, 0.0]
+def _flat_gather(*arguments: Any) -> tuple[Array, ...]:
+    velocities, *gradients = gather(*arguments)
+    return velocities, *(each * [1.0, 1.0, 0.0] for each in gradients)
 
 
 @mutant(

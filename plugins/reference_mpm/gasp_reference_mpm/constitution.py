@@ -18,6 +18,7 @@ __all__ = [
     "fluid_deformation",
     "fluid_stress",
     "hencky_stress",
+    "log_volume_ratio",
     "neo_hookean_stress",
     "polar_rotation",
 ]
@@ -58,12 +59,17 @@ def fixed_corotated_stress(deformation: Array, mu: float, lame: float) -> Array:
     return 2 * mu * shear + pressure[:, None, None] * _IDENTITY
 
 
+def log_volume_ratio(deformation: Array) -> Array:
+    """ln J (N,), held where a point is pressed flat or turned inside out."""
+    return np.log(np.maximum(np.linalg.det(deformation), _SMALLEST_VOLUME_RATIO))
+
+
 def neo_hookean_stress(deformation: Array, mu: float, lame: float) -> Array:
     """tau = mu (F F^T - I) + lambda ln(J) I of Psi = mu/2 (|F|^2 - 3) - mu ln J + lambda/2 (ln J)^2.
 
     Bonet and Wood 2008, "Nonlinear continuum mechanics for finite element analysis", eq. (6.28)-(6.29).
     """
-    log_ratio = np.log(np.maximum(np.linalg.det(deformation), _SMALLEST_VOLUME_RATIO))
+    log_ratio = log_volume_ratio(deformation)
     shear = deformation @ _transposed(deformation) - _IDENTITY
     return mu * shear + (lame * log_ratio)[:, None, None] * _IDENTITY
 
@@ -119,21 +125,21 @@ def drucker_prager_projection(
 
 
 def fluid_deformation(deformation: Array, dilation: Array) -> Array:
-    """A fluid remembers its volume and no shape: F = J^(1/3) I with J grown by the factor 1 + dt tr C.
+    """A fluid remembers its volume and no shape: F = J^(1/3) I with J grown by the factor 1 + dt tr L.
 
     Parameters
     ----------
     deformation : (N, 3, 3)
         Of the form J^(1/3) I.
     dilation : (N,)
-        dt tr C.
+        dt tr L.
     """
     volume_ratio = deformation[:, 0, 0] ** 3 * (1 + dilation)
     return np.cbrt(np.clip(volume_ratio, *_FLUID_VOLUME_RATIOS))[:, None, None] * _IDENTITY
 
 
 def fluid_stress(deformation: Array, velocity_gradient: Array, bulk_modulus: float, viscosity: float) -> Array:
-    """tau = -J p I + J eta (C + C^T - 2/3 tr C I) with p = max(0, K/7 (J^-7 - 1)).
+    """tau = -J p I + J eta (L + L^T - 2/3 tr L I) with p = max(0, K/7 (J^-7 - 1)).
 
     The equation of state is Cole's (1948) with the exponent usual for weakly compressible water (Becker and Teschner
     2007, eq. (7)); held at zero in tension, because a free surface tears rather than pulls. eta is in [Pa s].

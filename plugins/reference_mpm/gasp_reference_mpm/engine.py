@@ -14,7 +14,7 @@ from gasp_core.errors import SceneError
 from gasp_reference_mpm.lattice import grid_excess, grid_origin
 from gasp_reference_mpm.matter import Motion, matter_of
 from gasp_reference_mpm.session import ReferenceSession
-from gasp_reference_mpm.substep import seeded_velocity_gradients
+from gasp_reference_mpm.substep import seeded_affine_velocities
 
 __all__ = ["ReferenceMpm"]
 
@@ -56,10 +56,12 @@ class ReferenceMpm:
         if motion is None:
             positions = problem.points.reference_positions - origin
             velocities = problem.points.initial_velocities
+            affine = seeded_affine_velocities(positions, spacing, matter.masses, velocities)
             motion = Motion(
                 positions=positions,
                 velocities=velocities,
-                velocity_gradients=seeded_velocity_gradients(positions, spacing, matter.masses, velocities),
+                affine_velocities=affine,
+                velocity_gradients=affine,
                 deformations=np.tile(np.eye(3), (len(positions), 1, 1)),
                 volume_gains=np.zeros(len(positions)),
             )
@@ -70,6 +72,7 @@ def _restored(checkpoint: Mapping[str, Array], count: int) -> tuple[float, Motio
     shapes = {
         "positions": (count, 3),
         "velocities": (count, 3),
+        "affine_velocities": (count, 3, 3),
         "velocity_gradients": (count, 3, 3),
         "deformations": (count, 3, 3),
         "volume_gains": (count,),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
+from gasp_core.engine.mpm import averaged_lame
 from gasp_core.engine.stability import rest_bound, stiffening
 from gasp_reference_mpm.constitution import (
     drucker_prager_projection,
@@ -17,8 +19,10 @@ from gasp_reference_mpm.constitution import (
     fluid_deformation,
     fluid_stress,
     hencky_stress,
+    log_volume_ratio,
     neo_hookean_stress,
 )
+from gasp_reference_mpm.transfer import Stencil, local_means
 
 __all__ = ["Matter", "Motion", "deformed", "kirchhoff_stress", "matter_of", "stable_step"]
 
@@ -42,8 +46,10 @@ class Motion:
     ----------
     positions : (N, 3) [m]
     velocities : (N, 3) [m/s]
+    affine_velocities : (N, 3, 3) [1/s]
+        C, what the transfers carry.
     velocity_gradients : (N, 3, 3) [1/s]
-        The affine velocity C.
+        L, what F grew by.
     deformations : (N, 3, 3)
         F; the elastic part for sand, J^(1/3) I for fluids.
     volume_gains : (N,)
@@ -52,6 +58,7 @@ class Motion:
 
     positions: Array
     velocities: Array
+    affine_velocities: Array
     velocity_gradients: Array
     deformations: Array
     volume_gains: Array
@@ -70,9 +77,11 @@ def matter_of(problem: PointProblem) -> Matter:
 def _law_stress(material: Material, deformation: Array, velocity_gradient: Array) -> Array:
     match material:
         case Elastic():
-            return fixed_corotated_stress(deformation, material.shear_modulus, material.lame_lambda)
+            own = material.lame_lambda - averaged_lame(material)
+            return fixed_corotated_stress(deformation, material.shear_modulus, own)
         case NeoHookean():
-            return neo_hookean_stress(deformation, material.shear_modulus, material.lame_lambda)
+            own = material.lame_lambda - averaged_lame(material)
+            return neo_hookean_stress(deformation, material.shear_modulus, own)
         case Sand():
             return hencky_stress(deformation, material.shear_modulus, material.lame_lambda)
         case Fluid():
@@ -81,18 +90,41 @@ def _law_stress(material: Material, deformation: Array, velocity_gradient: Array
             raise AssertionError(f"{material.kind} is not among the declared materials")
 
 
-def kirchhoff_stress(matter: Matter, motion: Motion) -> Array:
-    """tau of every point, (N, 3, 3) [Pa]."""
+def kirchhoff_stress(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
+    """tau of every point, (N, 3, 3) [Pa]; what is nearly incompressible feels the mean dilation around it."""
     stress = np.empty_like(motion.deformations)
     for material, rows in matter.portions:
         stress[rows] = _law_stress(material, motion.deformations[rows], motion.velocity_gradients[rows])
+    stress += _mean_pressure(matter, motion, stencil)[:, None, None] * np.eye(3)
     return stress
 
 
-def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: float) -> tuple[Array, Array]:
-    """Deformation and volume gain after `step` [s] of the affine velocities C (N, 3, 3) [1/s].
+def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
+    """The isotropic part of tau (N,) [Pa] that comes from the mean dilation (`gasp_core.engine.mpm.averaged_lame`)."""
+    stiffness, dilation, leverage = (np.zeros(len(matter.masses)) for _ in range(3))
+    for material, rows in matter.portions:
+        stiffness[rows] = math.sqrt(averaged_lame(material))
+        match material:
+            case Elastic():
+                leverage[rows] = np.linalg.det(motion.deformations[rows])
+                dilation[rows] = leverage[rows] - 1
+            case NeoHookean():
+                leverage[rows] = 1.0
+                dilation[rows] = log_volume_ratio(motion.deformations[rows])
+            case _:
+                pass
+    tight = np.flatnonzero(stiffness)
+    pressure = np.zeros(len(stiffness))
+    if len(tight):
+        means = local_means(stencil, tight, matter.volumes[tight], (stiffness * dilation)[tight])
+        pressure[tight] = stiffness[tight] * leverage[tight] * means
+    return pressure
 
-    F grows to (I + dt C) F; then the material says how much of that it keeps as elastic deformation.
+
+def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: float) -> tuple[Array, Array]:
+    """Deformation and volume gain after `step` [s] of velocity gradients L (N, 3, 3) [1/s].
+
+    F grows to (I + dt L) F; then the material says how much of that it keeps as elastic deformation.
     """
     deformations = motion.deformations + step * velocity_gradients @ motion.deformations
     volume_gains = motion.volume_gains.copy()

@@ -129,6 +129,7 @@ class ReferenceSession:
             "time": np.array(self._time),
             "positions": motion.positions.copy(),
             "velocities": motion.velocities.copy(),
+            "affine_velocities": motion.affine_velocities.copy(),
             "velocity_gradients": motion.velocity_gradients.copy(),
             "deformations": motion.deformations.copy(),
             "volume_gains": motion.volume_gains.copy(),
@@ -185,7 +186,7 @@ class ReferenceSession:
         return MotionLimits(
             stress=stable_step(self._matter, motion, self._spacing),
             speed=float(np.linalg.norm(motion.velocities, axis=1).max()),
-            velocity_gradient=float(np.linalg.norm(motion.velocity_gradients, axis=(1, 2)).max()),
+            velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
         )
 

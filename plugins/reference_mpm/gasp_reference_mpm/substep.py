@@ -11,9 +11,9 @@ from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import DomainPolicy
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
 from gasp_reference_mpm.matter import Matter, Motion, deformed, kirchhoff_stress
-from gasp_reference_mpm.transfer import gather, inverse_inertia, reaching, scatter, stencil_around
+from gasp_reference_mpm.transfer import gather, reaching, scatter, stencil_around
 
-__all__ = ["seeded_velocity_gradients", "substep"]
+__all__ = ["seeded_affine_velocities", "substep"]
 
 Array = NDArray[Any]
 
@@ -27,16 +27,12 @@ def substep(
 ) -> tuple[Motion, Array]:
     """The motion `step` [s] after `time` [s], and a mask (N,) of the points that the domain's edge held back.
 
-    Hu et al. 2018 (10.1145/3197517.3201293): the points' stress enters the grid as an affine momentum, -dt V0/D tau, so
-    no gradient of a weight is ever needed. The stress is that of the stored deformation, and deformation and position
-    move with the velocities just found (symplectic Euler).
+    The stress is that of the stored deformation, and deformation and position move with the velocities just found
+    (symplectic Euler).
     """
-    masses = matter.masses[:, None, None]
-    force = (matter.volumes * inverse_inertia(spacing))[:, None, None] * kirchhoff_stress(matter, motion)
     stencil = stencil_around(motion.positions, spacing)
-    grid = scatter(
-        stencil, spacing, matter.masses, motion.velocities, masses * motion.velocity_gradients - step * force
-    )
+    tensions = (step * matter.volumes)[:, None, None] * kirchhoff_stress(matter, motion, stencil)
+    grid = scatter(stencil, spacing, matter.masses, motion.velocities, motion.affine_velocities, tensions)
 
     velocities = grid.momentum / grid.mass[:, None] + step * np.asarray(problem.gravity)
     places = grid.positions + origin
@@ -51,11 +47,12 @@ def substep(
     else:
         held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
-    point_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
+    point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, volume_gains = deformed(matter, motion, velocity_gradients, step)
     moved = Motion(
         positions=motion.positions + step * point_velocities,
         velocities=point_velocities,
+        affine_velocities=affine_velocities,
         velocity_gradients=velocity_gradients,
         deformations=deformations,
         volume_gains=volume_gains,
@@ -63,7 +60,7 @@ def substep(
     return moved, held_back
 
 
-def seeded_velocity_gradients(positions: Array, spacing: float, masses: Array, velocities: Array) -> Array:
+def seeded_affine_velocities(positions: Array, spacing: float, masses: Array, velocities: Array) -> Array:
     """The affine velocities C (N, 3, 3) [1/s] that belong to a field of initial velocities (N, 3) [m/s].
 
     A cloud that starts with C = 0 loses spin to C in its first steps: of the angular momentum of a block of side a,
@@ -72,8 +69,8 @@ def seeded_velocity_gradients(positions: Array, spacing: float, masses: Array, v
     cloud the first answer has it; near a free surface the error shrinks by 0.6 a pass.
     """
     stencil = stencil_around(positions, spacing)
-    gradients = np.zeros((len(positions), 3, 3))
+    found = at_rest = np.zeros((len(positions), 3, 3))
     for _ in range(_SEEDING_PASSES):
-        grid = scatter(stencil, spacing, masses, velocities, masses[:, None, None] * gradients)
-        _, gradients = gather(stencil, spacing, grid.nodes, grid.momentum / grid.mass[:, None])
-    return gradients
+        grid = scatter(stencil, spacing, masses, velocities, found, at_rest)
+        _, found, _ = gather(stencil, spacing, grid.nodes, grid.momentum / grid.mass[:, None])
+    return found

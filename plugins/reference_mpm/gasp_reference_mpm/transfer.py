@@ -3,7 +3,7 @@
 A point speaks to the 3 x 3 x 3 nodes around it. It carries its velocity v and an affine field C about itself, so that
 what it gives to the grid and takes back is exact for every velocity field that is affine in space, and linear and
 angular momentum are conserved (Jiang et al. 2015, 10.1145/2766996; the moving-least-squares form is Hu et al. 2018,
-10.1145/3197517.3201293).
+10.1145/3197517.3201293). Stress acts, and the rate of deformation is read, by the kernel of `gasp_core.engine.mpm`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GridMomentum", "Stencil", "gather", "inverse_inertia", "reaching", "scatter", "stencil_around"]
+from gasp_core.engine.mpm import GRADIENT_SHARE
+
+__all__ = [
+    "GridMomentum",
+    "Stencil",
+    "gather",
+    "inverse_inertia",
+    "local_means",
+    "reaching",
+    "scatter",
+    "stencil_around",
+]
 
 Array = NDArray[Any]
 
@@ -34,6 +45,8 @@ class Stencil:
         B-spline values; each row sums to one.
     arms : (N, 27, 3) [m]
         From point to node; each row's weighted sum is zero.
+    gradients : (N, 27, 3) [1/m]
+        The kernel by which stress acts; each row sums to zero, and to the identity with the arms.
     corner : (3,)
         Whole-number coordinates of the box's lowest node, in cells.
     shape
@@ -43,6 +56,7 @@ class Stencil:
     nodes: Array
     weights: Array
     arms: Array
+    gradients: Array
     corner: Array
     shape: tuple[int, int, int]
 
@@ -77,6 +91,9 @@ def stencil_around(positions: Array, spacing: float) -> Stencil:
     base = np.floor(cells - 0.5).astype(np.int64)
     offset = cells - base  # in [1/2, 3/2): the middle node of the three is the nearest one
     along = np.stack([0.5 * (1.5 - offset) ** 2, 0.75 - (offset - 1.0) ** 2, 0.5 * (offset - 0.5) ** 2], axis=1)
+    arms = np.arange(3)[:, None] - offset[:, None, :]
+    slopes = np.stack([offset - 1.5, 2 - 2 * offset, offset - 0.5], axis=1)
+    pull = ((1 - GRADIENT_SHARE) * 4 * along * arms + GRADIENT_SHARE * slopes) / spacing
     i, j, k = _NEIGHBOURS.T
     corner = base.min(axis=0)
     shape = tuple(int(length) for length in base.max(axis=0) - corner + 3)
@@ -85,34 +102,47 @@ def stencil_around(positions: Array, spacing: float) -> Stencil:
         nodes=(node[..., 0] * shape[1] + node[..., 1]) * shape[2] + node[..., 2],
         weights=along[:, i, 0] * along[:, j, 1] * along[:, k, 2],
         arms=(_NEIGHBOURS - offset[:, None, :]) * spacing,
+        gradients=np.stack(
+            [
+                pull[:, i, 0] * along[:, j, 1] * along[:, k, 2],
+                along[:, i, 0] * pull[:, j, 1] * along[:, k, 2],
+                along[:, i, 0] * along[:, j, 1] * pull[:, k, 2],
+            ],
+            axis=-1,
+        ),
         corner=corner,
         shape=(shape[0], shape[1], shape[2]),
     )
 
 
-def scatter(stencil: Stencil, spacing: float, masses: Array, velocities: Array, affine_momenta: Array) -> GridMomentum:
-    """Points to grid: p_i = sum_p w (m v + A (x_i - x_p)), m_i = sum_p w m.
+def scatter(
+    stencil: Stencil, spacing: float, masses: Array, velocities: Array, affine_velocities: Array, tensions: Array
+) -> GridMomentum:
+    """Points to grid: p_i = sum_p w m (v + C (x_i - x_p)) - T a_i, m_i = sum_p w m, a the kernel of the stress.
 
     Parameters
     ----------
     masses : (N,) [kg]
     velocities : (N, 3) [m/s]
-    affine_momenta : (N, 3, 3) [kg/s]
-        A = m C for the points' own affine velocity, and whatever force they exert as dt times its gradient.
+    affine_velocities : (N, 3, 3) [1/s]
+        C.
+    tensions : (N, 3, 3) [N m s]
+        T = dt V0 tau, what a point's stress gives in a step.
     """
     size = int(np.prod(stencil.shape))
     rows = stencil.nodes.ravel()
     mass = np.bincount(rows, (stencil.weights * masses[:, None]).ravel(), size)
     nodes = np.flatnonzero(mass)
-    given = masses[:, None, None] * velocities[:, None, :] + stencil.arms @ affine_momenta.transpose(0, 2, 1)
-    given *= stencil.weights[..., None]
+    given = velocities[:, None, :] + stencil.arms @ affine_velocities.transpose(0, 2, 1)
+    given *= (masses[:, None] * stencil.weights)[..., None]
+    given -= stencil.gradients @ tensions.transpose(0, 2, 1)
     momentum = np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
     index = np.stack(np.unravel_index(nodes, stencil.shape), axis=1) + stencil.corner
     return GridMomentum(nodes=nodes, mass=mass[nodes], momentum=momentum, positions=index * spacing)
 
 
-def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array) -> tuple[Array, Array]:
-    """Grid to points: v = sum_i w v_i and C = 1/D sum_i w v_i (x_i - x_p)^T.
+def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array) -> tuple[Array, Array, Array]:
+    """Grid to points: v = sum_i w v_i, C = 1/D sum_i w v_i (x_i - x_p)^T and L = sum_i v_i a_i^T.
 
     Parameters
     ----------
@@ -122,12 +152,26 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
 
     Returns
     -------
-    velocities (N, 3) [m/s], affine velocities C (N, 3, 3) [1/s].
+    velocities (N, 3) [m/s], affine velocities C (N, 3, 3) [1/s], velocity gradients L (N, 3, 3) [1/s].
     """
     place = np.zeros(int(np.prod(stencil.shape)), dtype=np.int64)
     place[nodes] = np.arange(len(nodes))
-    weighted = stencil.weights[..., None] * grid_velocities[place[stencil.nodes]]
-    return weighted.sum(axis=1), inverse_inertia(spacing) * (weighted.transpose(0, 2, 1) @ stencil.arms)
+    around = grid_velocities[place[stencil.nodes]]
+    weighted = stencil.weights[..., None] * around
+    affine_velocities = inverse_inertia(spacing) * (weighted.transpose(0, 2, 1) @ stencil.arms)
+    return weighted.sum(axis=1), affine_velocities, around.transpose(0, 2, 1) @ stencil.gradients
+
+
+def local_means(stencil: Stencil, rows: Array, volumes: Array, values: Array) -> Array:
+    """Means (K,) of values (K,) over the nodes around the points `rows` (K,), which weigh by volumes (K,) [m^3]."""
+    nodes, weights = stencil.nodes[rows], stencil.weights[rows]
+    size = int(np.prod(stencil.shape))
+    shares = weights * volumes[:, None]
+    total = np.bincount(nodes.ravel(), (shares * values[:, None]).ravel(), size)
+    volume = np.bincount(nodes.ravel(), shares.ravel(), size)
+    # A share may round to nothing, and then its node's mean is nothing that anybody asks for.
+    means = total / np.where(volume > 0, volume, 1.0)
+    return np.sum(weights * means[nodes], axis=1)
 
 
 def reaching(stencil: Stencil, nodes: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.mpm import averaged_lame
 from gasp_core.errors import SceneError
 from gasp_taichi_mpm import layout as at
 from gasp_taichi_mpm.cells import COLOURS, arrange
@@ -95,13 +96,15 @@ class Cloud:
         self._memory = Memory(on_gpu=on_gpu)
         used = np.unique(problem.points.material_ids)
         kinds = frozenset(problem.materials[index].kind for index in used)
-        self._kernels = make_kernels(double, kinds, threads, on_gpu)
+        self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
+        self._kernels = make_kernels(double, kinds, threads, on_gpu, self._averaged)
         self._fluid = np.array([material.kind == "fluid" for material in problem.materials])
         self._materials = self._memory.put(material_table(problem, units))
         self._control = np.zeros(at.CONTROL_WIDTH, dtype=np.int32)
         self._control[at.POINTS] = self.count
         self._batch = np.zeros(at.BATCH_WIDTH)
         self._grid: Any = None
+        self._means: Any = self._memory.empty((1, 2), self.real)
         self._capacity = 0
         chunks = -(-self.count // at.SURVEY_CHUNK)
         self._chart = self._memory.put(np.zeros(chunks * at.SURVEY_WIDTH))
@@ -123,19 +126,29 @@ class Cloud:
         self.sort()
         # Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
         # field that the velocities and the last C make together; the passes converge geometrically.
+        self._batch_argument = self._memory.put(self._batch)
         for _ in range(_SEEDING_PASSES):
             self._scatter(self._put_control())
             self._kernels.learn_affine(self._x, self._points, self._grid, self._active, self._put_control())
+        self._kernels.strain(self._points, self._labels, self._materials, self._put_control())
 
     def _scatter(self, control: Any) -> None:
         """Empty the grid and put mass and momentum of the points on it."""
-        kernels = self._kernels
-        kernels.clear(self._grid, self._active, control)
+        kernels, cloud = self._kernels, (self._x, self._points, self._labels)
+        kernels.clear(self._grid, self._means, self._active, control)
+        if self._averaged:
+            if self._memory.on_gpu:
+                kernels.average_atomically(*cloud, self._means, self._materials, control)
+            else:
+                for colour in range(COLOURS):
+                    kernels.average_colour(*cloud, self._means, self._tiles, self._materials, control, colour)
+            kernels.divide(self._means, self._active, control)
+        laws = (self._materials, self._batch_argument, control)
         if self._memory.on_gpu:
-            kernels.scatter_atomically(self._x, self._points, self._grid, control)
+            kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
             return
         for colour in range(COLOURS):
-            kernels.scatter_colour(self._x, self._points, self._grid, self._tiles, control, colour)
+            kernels.scatter_colour(*cloud, self._grid, self._means, self._tiles, *laws, colour)
 
     def _load(self, cells: Array, rows: Array, labels: Array) -> None:
         put, empty = self._memory.put, self._memory.empty
@@ -149,14 +162,20 @@ class Cloud:
             "rows": (self.count, at.POINT_WIDTH),
             "labels": (self.count, at.LABEL_WIDTH),
             "ids": (self.count,),
+            "layout": (),
         }
         for name, shape in shapes.items():
             found = np.shape(restart[name]) if name in restart else None
             if found != shape:
                 raise SceneError(
                     f"taichi-mpm: checkpoint array {name!r} has shape {found}, expected {shape}:"
-                    " the checkpoint belongs to another scene or engine; start without it"
+                    " the checkpoint belongs to another scene, engine or version; start without it"
                 )
+        if restart["layout"] != at.LAYOUT:
+            raise SceneError(
+                f"taichi-mpm: the checkpoint has layout {restart['layout']}, this version reads {at.LAYOUT}:"
+                " go on with the version that wrote it, or start without it"
+            )
         if restart["rows"].dtype != self.real:
             raise SceneError(
                 f"taichi-mpm: the checkpoint holds {restart['rows'].dtype}, the session was opened in"
@@ -175,6 +194,7 @@ class Cloud:
             "rows": get(self._points).reshape(-1, at.POINT_WIDTH).copy(),
             "labels": get(self._labels).reshape(-1, at.LABEL_WIDTH).copy(),
             "ids": self.ids.copy(),
+            "layout": np.array(at.LAYOUT),
         }
 
     def _put_control(self) -> Any:
@@ -223,6 +243,9 @@ class Cloud:
             self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
             self._grid = None
             self._grid = self._memory.empty((self._capacity, 4), self.real)
+            if self._averaged:
+                self._means = None
+                self._means = self._memory.empty((self._capacity, 2), self.real)
         return tables.order
 
     def set_walls(self, lower: Array, upper: Array) -> None:
@@ -243,7 +266,6 @@ class Cloud:
         rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
         self._forcing = self._memory.put(rows)
         self._batch_argument = self._memory.put(self._batch) if self._memory.on_gpu else self._batch
-        self._kernels.fold(self._points, self._labels, self._materials, self._batch_argument, self._put_control())
 
     def steps(self, first: int, end: int) -> tuple[int, bool, int]:
         """Do steps first..end of the batch, or fewer where a point drifts too far from home.
@@ -258,7 +280,7 @@ class Cloud:
         acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
         done = 0
         if self._serial:
-            self._kernels.steps_in_thread(*moved, self._tiles, self._active, *acting, first, end - first)
+            self._kernels.steps_in_thread(*moved, self._means, self._tiles, self._active, *acting, first, end - first)
             done = int(self._report[at.STEPS_DONE])
         else:
             for step in range(first, end):

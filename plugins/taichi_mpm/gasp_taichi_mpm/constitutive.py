@@ -1,5 +1,5 @@
 # ruff: noqa: SIM102 - an "if" of a compile-time constant must stand alone, or what it excludes is compiled.
-"""Materials: how F follows the velocity gradient, what plasticity takes away, and the stress that results.
+"""Materials: how F follows the velocity gradient L, what plasticity takes away, and the stress that results.
 
 Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), see `scaling`. A new material is a branch here, a kind in
 `layout.KINDS`, a row in `scaling.material_table` and a type in the plugin's capabilities.
@@ -33,9 +33,9 @@ def _volume(F):
 
 
 def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callable[..., Any]:
-    """Taichi function (F, C, gain, dt, materials, row) -> (F, gain, stress) for the kinds present.
+    """Taichi function (F, L, gain, dt, materials, row) -> (F, gain, stress, dilation) for the kinds present.
 
-    With `advance` it moves F by dt C and applies the material's floors and return mapping; without, it gives the
+    With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it gives the
     stress as things are.
     """
     double = real == ti.f64
@@ -56,17 +56,18 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         pressure = lame * J * (J - 1)
         for d in ti.static(range(3)):
             S[d, d] += pressure
-        return S
+        return S, J - 1
 
     @ti.func
     def neo_hookean(F, mu, lame):
         """Compressible neo-Hookean: mu (F F^T - I) + lambda ln(max(J, 0.05)) I."""
         J = determinant_with(F, cofactors(F))
         S = mu * (F @ F.transpose())
-        diagonal = lame * ti.log(ti.max(J, real(0.05))) - mu
+        dilation = ti.log(ti.max(J, real(0.05)))
+        diagonal = lame * dilation - mu
         for d in ti.static(range(3)):
             S[d, d] += diagonal
-        return S
+        return S, dilation
 
     @ti.func
     def sand(F, gain, mu, lame, cone):
@@ -120,9 +121,9 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         return G, new_gain, W @ U.transpose()
 
     @ti.func
-    def fluid(C, s, dt, bulk, viscosity):
+    def fluid(L, s, dt, bulk, viscosity):
         """Cole's equation of state without tension, and Newton's viscosity; s = J - 1."""
-        spread = C.trace()
+        spread = L.trace()
         if ti.static(advance):
             s = s + dt * spread * (1 + s)
             s = ti.min(ti.max(s, -real(0.9)), real(9.0))
@@ -132,35 +133,36 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         # J^7 - 1 as a polynomial in s: the difference itself would have no digits left at the small s of a liquid.
         rise = s * (7 + s * (21 + s * (35 + s * (35 + s * (21 + s * (7 + s))))))
         pressure = ti.max(-rise / J7 * bulk / 7, bulk * 0)
-        S = (J * viscosity) * (C + C.transpose())
+        S = (J * viscosity) * (L + L.transpose())
         diagonal = -J * pressure - J * viscosity * (2 * spread / 3)
         for d in ti.static(range(3)):
             S[d, d] += diagonal
         return s, S
 
     @ti.func
-    def respond(F, C, gain, dt, materials: ti.template(), row):
+    def respond(F, L, gain, dt, materials: ti.template(), row):
         kind = ti.cast(materials[row + at.KIND], ti.i32)
         mu = ti.cast(materials[row + at.SHEAR], real)
         lame = ti.cast(materials[row + at.LAME], real)
         G = F
         if ti.static(advance):
-            G = F + dt * (C @ F)
+            G = F + dt * (L @ F)
         stress = F * 0
+        dilation = gain * 0
         new_gain = gain
         if ti.static(has_elastic):
             if ti.static(alone) or kind == is_elastic:
-                stress = elastic(G, mu, lame)
+                stress, dilation = elastic(G, mu, lame)
         if ti.static(has_neo_hookean):
             if ti.static(alone) or kind == is_neo_hookean:
-                stress = neo_hookean(G, mu, lame)
+                stress, dilation = neo_hookean(G, mu, lame)
         if ti.static(has_sand):
             if ti.static(alone) or kind == is_sand:
                 G, new_gain, stress = sand(G, gain, mu, lame, ti.cast(materials[row + at.CONE], real))
         if ti.static(has_fluid):
             if ti.static(alone) or kind == is_fluid:
                 G = F
-                new_gain, stress = fluid(C, gain, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
-        return G, new_gain, stress
+                new_gain, stress = fluid(L, gain, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
+        return G, new_gain, stress, dilation
 
     return respond

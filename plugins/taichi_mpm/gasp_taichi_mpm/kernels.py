@@ -1,9 +1,10 @@
 """The kernels of one MLS-MPM step, specialised by precision, by the kinds of material present and by threads.
 
 Everything is in the engine's own units (`scaling.Units`): cells, point masses, the stiffest material's stable step.
-With them the stress enters as C - dt tau' with tau' = 4 T^2 / (rho dx^2) tau: no volume is needed, and float32 neither
-overflows nor underflows whatever the scene's size. Moving least squares MPM after Hu et al. 2018
-(10.1145/3197517.3201293), quadratic B-splines.
+With them a point's stress gives a node -dt m tau' a / 4, tau' = 4 T^2 / (rho dx^2) tau and a the kernel of
+`gasp_core.engine.mpm`: no volume is needed, and float32 neither overflows nor underflows whatever the scene's size.
+Moving least squares MPM after Hu et al. 2018 (10.1145/3197517.3201293), quadratic B-splines; the part 4 (1 - s) w r of
+the kernel folds into the affine velocity, what is left is s times the splines' gradient.
 
 Positions are float64 in every precision: x += dt v in float32 loses half an ulp a step, always in the same direction.
 """
@@ -11,6 +12,7 @@ Positions are float64 in every precision: x += dt v in float32 loses half an ulp
 from functools import cache
 from types import SimpleNamespace
 
+from gasp_core.engine.mpm import GRADIENT_SHARE
 from gasp_taichi_mpm import layout as at
 from gasp_taichi_mpm.constitutive import make_response
 from gasp_taichi_mpm.contact import constrain
@@ -36,7 +38,7 @@ def row9(table: ti.template(), start):
 
 
 @cache
-def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool) -> SimpleNamespace:
+def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool, averaged: bool) -> SimpleNamespace:
     """Kernels for one precision and set of materials; compiled at first use.
 
     Parameters
@@ -49,13 +51,17 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         Loops run on this many; 1 runs them in the calling thread, without the hand-over to a pool.
     on_gpu
         Scatter with atomics, a point a thread.
+    averaged
+        Something is nearly incompressible: its dilation is averaged over the nodes before it acts.
     """
     real = ti.f64 if double else ti.f32
     vec3 = ti.types.vector(3, real)
     vec4 = ti.types.vector(4, real)
+    vec2 = ti.types.vector(2, real)
     Positions = ti.types.ndarray(dtype=ti.types.vector(3, ti.f64), ndim=1)
     Reals = ti.types.ndarray(dtype=real, ndim=1)
     Grid = ti.types.ndarray(dtype=vec4, ndim=1)
+    Means = ti.types.ndarray(dtype=vec2, ndim=1)
     Ints = ti.types.ndarray(dtype=ti.i32, ndim=1)
     Doubles = ti.types.ndarray(dtype=ti.f64, ndim=1)
     serial = threads == 1 and not on_gpu
@@ -87,72 +93,177 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         return ti.Matrix.rows([0.5 * a * a, 0.75 - b * b, 0.5 * c * c])
 
     @ti.func
-    def scatter(x: ti.template(), points: ti.template(), grid: ti.template(), control: ti.template(), p):
+    def slopes(offset):
+        """The weights' derivatives, as `weights`."""
+        return ti.Matrix.rows([offset - 1.5, 2.0 - 2.0 * offset, offset - 0.5])
+
+    @ti.func
+    def scatter_dilation(
+        x: ti.template(),
+        points: ti.template(),
+        labels: ti.template(),
+        materials: ti.template(),
+        means: ti.template(),
+        control: ti.template(),
+        p,
+    ):
+        """Give the nodes a point's dilation times the root of its stiffness, weighed by its volume."""
+        row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+        stiffness = ti.cast(materials[row + at.MEAN_STIFFNESS], real)
+        if stiffness > 0:
+            offset, first, sx, sy = stencil(x, control, p)
+            w = weights(offset)
+            o = p * at.POINT_WIDTH
+            volume = points[o + at.MASS] * ti.cast(materials[row + at.LIGHTNESS], real)
+            given = volume * vec2(stiffness * points[o + at.DILATION], 1)
+            for i, j in ti.static(ti.ndrange(3, 3)):
+                part = (w[i, 0] * w[j, 1]) * given
+                line = first + i * sx + j * sy
+                for k in ti.static(range(3)):
+                    if ti.static(on_gpu):
+                        means[line + k] += w[k, 2] * part
+                    else:
+                        means[line + k] = means[line + k] + w[k, 2] * part
+
+    @ti.func
+    def mean_pressure(
+        points: ti.template(),
+        labels: ti.template(),
+        materials: ti.template(),
+        means: ti.template(),
+        w,
+        first,
+        sx,
+        sy,
+        p,
+    ):
+        """What the mean dilation around a point adds to its scaled stress, along the diagonal."""
+        row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+        stiffness = ti.cast(materials[row + at.MEAN_STIFFNESS], real)
+        pressure = real(0.0)
+        if stiffness > 0:
+            for i, j in ti.static(ti.ndrange(3, 3)):
+                line = first + i * sx + j * sy
+                along = w[0, 2] * means[line][0] + w[1, 2] * means[line + 1][0] + w[2, 2] * means[line + 2][0]
+                pressure += (w[i, 0] * w[j, 1]) * along
+            pressure *= stiffness * ti.cast(materials[row + at.LIGHTNESS], real)
+            if ti.cast(materials[row + at.KIND], ti.i32) == ti.static(at.KINDS["elastic"]):
+                # d(J - 1) = J tr L dt, where d(ln J) = tr L dt.
+                pressure *= 1 + points[p * at.POINT_WIDTH + at.DILATION]
+        return pressure
+
+    @ti.func
+    def scatter(
+        x: ti.template(),
+        points: ti.template(),
+        labels: ti.template(),
+        grid: ti.template(),
+        means: ti.template(),
+        materials: ti.template(),
+        batch: ti.template(),
+        control: ti.template(),
+        p,
+    ):
         offset, first, sx, sy = stencil(x, control, p)
         w = weights(offset)
+        d = slopes(offset)
         o = p * at.POINT_WIDTH
-        A = row9(points, o + at.FOLDED)
-        u = row3(points, o + at.VELOCITY) - A @ offset
         m = points[o + at.MASS]
+        t = o + at.STRESS
+        S = ti.Matrix(
+            [
+                [points[t], points[t + 3], points[t + 4]],
+                [points[t + 3], points[t + 1], points[t + 5]],
+                [points[t + 4], points[t + 5], points[t + 2]],
+            ]
+        )
+        if ti.static(averaged):
+            pressure = mean_pressure(points, labels, materials, means, w, first, sx, sy, p)
+            for axis in ti.static(range(3)):
+                S[axis, axis] += pressure
+        S *= ti.cast(batch[at.STEP], real)
+        A = row9(points, o + at.AFFINE) - real(1 - GRADIENT_SHARE) * S
+        u = row3(points, o + at.VELOCITY) - A @ offset
+        S *= real(-GRADIENT_SHARE / 4) * m
         start = vec4(u[0], u[1], u[2], 1)
         ax = vec4(A[0, 0], A[1, 0], A[2, 0], 0)
         ay = vec4(A[0, 1], A[1, 1], A[2, 1], 0)
         az = vec4(A[0, 2], A[1, 2], A[2, 2], 0)
+        px = vec4(S[0, 0], S[1, 0], S[2, 0], 0)
+        py = vec4(S[0, 1], S[1, 1], S[2, 1], 0)
+        pz = vec4(S[0, 2], S[1, 2], S[2, 2], 0)
         for i in ti.static(range(3)):
             wi = w[i, 0] * m
-            bi = wi * (start + i * ax)
+            bi = wi * (start + i * ax) + d[i, 0] * px
             yi = wi * ay
             zi = wi * az
+            pyi = w[i, 0] * py
+            pzi = w[i, 0] * pz
             for j in ti.static(range(3)):
-                t = w[j, 1] * (bi + j * yi)
+                b = w[j, 1] * (bi + j * yi) + d[j, 1] * pyi
                 zij = w[j, 1] * zi
+                pzij = w[j, 1] * pzi
                 line = first + i * sx + j * sy
                 for k in ti.static(range(3)):
+                    given = w[k, 2] * (b + k * zij) + d[k, 2] * pzij
                     if ti.static(on_gpu):
-                        grid[line + k] += w[k, 2] * (t + k * zij)
+                        grid[line + k] += given
                     else:
-                        grid[line + k] = grid[line + k] + w[k, 2] * (t + k * zij)
-
-    @ti.func
-    def scatter_tile(
-        x: ti.template(), points: ti.template(), grid: ti.template(), tiles: ti.template(), control: ti.template(), q
-    ):
-        for p in range(tiles[2 * q], tiles[2 * q + 1]):
-            scatter(x, points, grid, control, p)
+                        grid[line + k] = grid[line + k] + given
 
     @ti.func
     def gather(x: ti.template(), grid: ti.template(), control: ti.template(), p):
-        """Velocity and its affine part C at a point."""
+        """Velocity, its affine part C and the velocity gradient L at a point."""
         offset, first, sx, sy = stencil(x, control, p)
         w = weights(offset)
+        d = slopes(offset)
         V, CX, CY, CZ = vec4(0), vec4(0), vec4(0), vec4(0)
+        GX, GY, GZ = vec4(0), vec4(0), vec4(0)
         for i in ti.static(range(3)):
             si, siy, siz = vec4(0), vec4(0), vec4(0)
+            diy, diz = vec4(0), vec4(0)
             for j in ti.static(range(3)):
                 line = first + i * sx + j * sy
-                t1 = w[1, 2] * grid[line + 1]
-                t2 = w[2, 2] * grid[line + 2]
-                s0 = w[0, 2] * grid[line] + t1 + t2
+                g0, g1, g2 = grid[line], grid[line + 1], grid[line + 2]
+                t1 = w[1, 2] * g1
+                t2 = w[2, 2] * g2
+                s0 = w[0, 2] * g0 + t1 + t2
                 si += w[j, 1] * s0
                 siz += w[j, 1] * (t1 + 2.0 * t2)
+                diy += d[j, 1] * s0
+                diz += w[j, 1] * (d[0, 2] * g0 + d[1, 2] * g1 + d[2, 2] * g2)
                 if ti.static(j > 0):
                     siy += (j * w[j, 1]) * s0
             V += w[i, 0] * si
             CY += w[i, 0] * siy
             CZ += w[i, 0] * siz
+            GX += d[i, 0] * si
+            GY += w[i, 0] * diy
+            GZ += w[i, 0] * diz
             if ti.static(i > 0):
                 CX += (i * w[i, 0]) * si
         CX = 4.0 * (CX - offset[0] * V)
         CY = 4.0 * (CY - offset[1] * V)
         CZ = 4.0 * (CZ - offset[2] * V)
         C = ti.Matrix([[CX[0], CY[0], CZ[0]], [CX[1], CY[1], CZ[1]], [CX[2], CY[2], CZ[2]]])
-        return vec3(V[0], V[1], V[2]), C
+        G = ti.Matrix([[GX[0], GY[0], GZ[0]], [GX[1], GY[1], GZ[1]], [GX[2], GY[2], GZ[2]]])
+        L = real(1 - GRADIENT_SHARE) * C + real(GRADIENT_SHARE) * G
+        return vec3(V[0], V[1], V[2]), C, L
 
     @ti.func
     def write9(table: ti.template(), start, M):
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
                 table[start + 3 * r + c] = M[r, c]
+
+    @ti.func
+    def write_stress(points: ti.template(), o, S, dilation):
+        for c in ti.static(range(3)):
+            points[o + at.STRESS + c] = S[c, c]
+        points[o + at.STRESS + 3] = S[0, 1]
+        points[o + at.STRESS + 4] = S[0, 2]
+        points[o + at.STRESS + 5] = S[1, 2]
+        points[o + at.DILATION] = dilation
 
     @ti.func
     def move_point(
@@ -166,14 +277,14 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         report: ti.template(),
         p,
     ):
-        """Grid to point, then F, the return mapping, the stress, and the affine matrix the next scatter reads."""
-        v, C = gather(x, grid, control, p)
+        """Grid to point, then F, the return mapping and the stress that the next scatter reads."""
+        v, C, L = gather(x, grid, control, p)
         dt = ti.cast(batch[at.STEP], real)
         o = p * at.POINT_WIDTH
         F = row9(points, o + at.DEFORMATION)
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-        F, gain, tau = advance(F, C, points[o + at.GAIN], dt, materials, row)
-        write9(points, o + at.FOLDED, C - dt * tau)
+        F, gain, tau, dilation = advance(F, L, points[o + at.GAIN], dt, materials, row)
+        write_stress(points, o, tau, dilation)
         write9(points, o + at.DEFORMATION, F)
         write9(points, o + at.AFFINE, C)
         points[o + at.GAIN] = gain
@@ -209,13 +320,29 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
 
     @ti.func
-    def clear_block(grid: ti.template(), active: ti.template(), control: ti.template(), q):
+    def clear_block(grid: ti.template(), means: ti.template(), active: ti.template(), control: ti.template(), q):
         corner = block_corner(control, active[q])
         for i in range(4):
             for j in range(4):
                 line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
                 for k in ti.static(range(4)):
                     grid[line + k] = vec4(0)
+                    if ti.static(averaged):
+                        means[line + k] = vec2(0)
+
+    @ti.func
+    def divide_block(means: ti.template(), active: ti.template(), control: ti.template(), q):
+        """Sums over volumes to means, at the nodes of one block."""
+        corner = block_corner(control, active[q])
+        for i in range(4):
+            for j in range(4):
+                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                for k in range(4):
+                    total = means[line + k]
+                    if total[1] > least_mass:
+                        means[line + k][0] = total[0] / total[1]
+                    else:
+                        means[line + k][0] = 0
 
     @ti.func
     def update_block(
@@ -251,6 +378,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         points: Reals,
         labels: Ints,
         grid: Grid,
+        means: Means,
         tiles: Ints,
         active: Ints,
         materials: Doubles,
@@ -266,9 +394,15 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         for step in range(count):
             if report[at.DRIFTED] == 0:
                 for q in range(control[at.ACTIVE]):
-                    clear_block(grid, active, control, q)
+                    clear_block(grid, means, active, control, q)
+                if ti.static(averaged):
+                    for p in range(control[at.POINTS]):
+                        scatter_dilation(x, points, labels, materials, means, control, p)
+                    for q in range(control[at.ACTIVE]):
+                        divide_block(means, active, control, q)
                 for q in range(control[at.COLOURS_AT + 8]):
-                    scatter_tile(x, points, grid, tiles, control, q)
+                    for p in range(tiles[2 * q], tiles[2 * q + 1]):
+                        scatter(x, points, labels, grid, means, materials, batch, control, p)
                 for q in range(control[at.ACTIVE]):
                     update_block(grid, active, batch, forcing, control, report, first + step, q)
                 for p in range(control[at.POINTS]):
@@ -276,27 +410,78 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 report[at.STEPS_DONE] += 1
 
     @ti.kernel
-    def clear(grid: Grid, active: Ints, control: Ints):
+    def clear(grid: Grid, means: Means, active: Ints, control: Ints):
         """Empty the nodes that points can reach."""
         ti.loop_config(parallelize=pool)
         for q in range(control[at.ACTIVE]):
-            clear_block(grid, active, control, q)
+            clear_block(grid, means, active, control, q)
 
     @ti.kernel
-    def scatter_colour(x: Positions, points: Reals, grid: Grid, tiles: Ints, control: Ints, colour: ti.i32):
+    def scatter_colour(
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        grid: Grid,
+        means: Means,
+        tiles: Ints,
+        materials: Doubles,
+        batch: Doubles,
+        control: Ints,
+        colour: ti.i32,
+    ):
         """Points to the grid, the tiles of one colour: they write disjoint nodes, each tile in order.
 
         A launch a colour, because eight copies of the loop in one kernel take four times as long to compile.
         """
         ti.loop_config(parallelize=pool)
         for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
-            scatter_tile(x, points, grid, tiles, control, q)
+            for p in range(tiles[2 * q], tiles[2 * q + 1]):
+                scatter(x, points, labels, grid, means, materials, batch, control, p)
 
     @ti.kernel
-    def scatter_atomically(x: Positions, points: Reals, grid: Grid, control: Ints):
+    def scatter_atomically(
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        grid: Grid,
+        means: Means,
+        materials: Doubles,
+        batch: Doubles,
+        control: Ints,
+    ):
         """Points to the grid, a point a thread (GPU)."""
         for p in range(control[at.POINTS]):
-            scatter(x, points, grid, control, p)
+            scatter(x, points, labels, grid, means, materials, batch, control, p)
+
+    @ti.kernel
+    def average_colour(
+        x: Positions,
+        points: Reals,
+        labels: Ints,
+        means: Means,
+        tiles: Ints,
+        materials: Doubles,
+        control: Ints,
+        colour: ti.i32,
+    ):
+        """Dilations to the grid, as `scatter_colour`."""
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
+            for p in range(tiles[2 * q], tiles[2 * q + 1]):
+                scatter_dilation(x, points, labels, materials, means, control, p)
+
+    @ti.kernel
+    def average_atomically(x: Positions, points: Reals, labels: Ints, means: Means, materials: Doubles, control: Ints):
+        """Dilations to the grid, a point a thread (GPU)."""
+        for p in range(control[at.POINTS]):
+            scatter_dilation(x, points, labels, materials, means, control, p)
+
+    @ti.kernel
+    def divide(means: Means, active: Ints, control: Ints):
+        """Sums of dilations to means."""
+        ti.loop_config(parallelize=pool)
+        for q in range(control[at.ACTIVE]):
+            divide_block(means, active, control, q)
 
     @ti.kernel
     def update_and_move(
@@ -321,17 +506,16 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             move_point(x, points, labels, grid, materials, batch, control, report, p)
 
     @ti.kernel
-    def fold(points: Reals, labels: Ints, materials: Doubles, batch: Doubles, control: Ints):
-        """Affine matrices for a step of a new size."""
+    def strain(points: Reals, labels: Ints, materials: Doubles, control: Ints):
+        """The stress that belongs to the points as they are, their velocity gradient taken for C."""
         ti.loop_config(serialize=serial, parallelize=pool)
         for p in range(control[at.POINTS]):
             o = p * at.POINT_WIDTH
-            dt = ti.cast(batch[at.STEP], real)
-            C = row9(points, o + at.AFFINE)
+            L = row9(points, o + at.AFFINE)
             F = row9(points, o + at.DEFORMATION)
             row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-            F, _, tau = stress_of(F, C, points[o + at.GAIN], dt, materials, row)
-            write9(points, o + at.FOLDED, C - dt * tau)
+            F, _, tau, dilation = stress_of(F, L, points[o + at.GAIN], real(0.0), materials, row)
+            write_stress(points, o, tau, dilation)
 
     @ti.kernel
     def learn_affine(x: Positions, points: Reals, grid: Grid, active: Ints, control: Ints):
@@ -350,9 +534,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                         grid[line + corner[2] + k] = vec4(v[0], v[1], v[2], 0)
         ti.loop_config(serialize=serial, parallelize=pool)
         for p in range(control[at.POINTS]):
-            v, C = gather(x, grid, control, p)
+            _v, C, _L = gather(x, grid, control, p)
             write9(points, p * at.POINT_WIDTH + at.AFFINE, C)
-            write9(points, p * at.POINT_WIDTH + at.FOLDED, C)
 
     @ti.kernel
     def settle(x: Positions, labels: Ints, control: Ints):
@@ -440,7 +623,10 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         scatter_colour=scatter_colour,
         scatter_atomically=scatter_atomically,
         update_and_move=update_and_move,
-        fold=fold,
+        average_colour=average_colour,
+        average_atomically=average_atomically,
+        divide=divide,
+        strain=strain,
         learn_affine=learn_affine,
         settle=settle,
         permute=permute,

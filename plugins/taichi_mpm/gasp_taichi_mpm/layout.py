@@ -7,17 +7,21 @@ from __future__ import annotations
 
 __all__: list[str] = []
 
-# One point's row of reals. Points to the grid reads the first half alone: 64 bytes, one cache line, in float32.
+# One point's row of reals. What points give to the grid comes first.
 VELOCITY = 0
-FOLDED = 3
-"""C - dt times the scaled Kirchhoff stress, (3, 3)."""
+AFFINE = 3
+"""C, (3, 3)."""
 MASS = 12
-GAIN = 13
+STRESS = 13
+"""Scaled Kirchhoff stress without the part of the mean dilation: xx, yy, zz, xy, xz, yz."""
+DILATION = 19
+"""What is averaged where matter is nearly incompressible: J - 1 or ln J."""
+GAIN = 20
 """Sand: volume gained by the projection, logarithmic. Fluid: J - 1 (J - 1 keeps the digits that J loses in float32)."""
-DEFORMATION = 14
-AFFINE = 23
-"""C, (3, 3), valid at the end of a batch."""
+DEFORMATION = 21
 POINT_WIDTH = 32
+LAYOUT = 2
+"""Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""
 
 # One point's row of integers.
 MATERIAL = 0
@@ -70,10 +74,15 @@ DRIVE_WIDTH = 32
 KIND = 0
 SHEAR = 1
 LAME = 2
+"""Of the points' own dilation; of a fluid, the bulk modulus."""
 VISCOSITY = 3
 CONE = 4
 INVERSE_BOUND = 5
 """1 / (largest stable step)^2 at rest."""
+MEAN_STIFFNESS = 6
+"""Square root of the lambda that acts on the mean dilation, scaled as the stress of a material of lightness 1."""
+LIGHTNESS = 7
+"""One over the density, relative."""
 MATERIAL_WIDTH = 8
 
 KINDS = {"elastic": 0, "neo-hookean": 1, "sand": 2, "fluid": 3}

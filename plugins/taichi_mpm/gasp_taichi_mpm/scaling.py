@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.lattice import grid_node
 from gasp_core.engine.materials import Fluid, Sand
+from gasp_core.engine.mpm import averaged_lame
 from gasp_core.engine.stability import rest_bound
 from gasp_taichi_mpm import layout as at
 
@@ -70,18 +71,22 @@ class Units:
 def material_table(problem: PointProblem, units: Units) -> Array:
     """Scaled parameters of every material, flat float64 rows of `layout.MATERIAL_WIDTH`."""
     table = np.zeros((len(problem.materials), at.MATERIAL_WIDTH))
+    density = problem.materials[0].density
     for row, material in zip(table, problem.materials):
         if material.kind not in at.KINDS:
             continue  # an unused row: what is used has been checked against the capabilities
         scale = 4 * units.time**2 / (material.density * units.spacing**2)
         row[at.KIND] = at.KINDS[material.kind]
         row[at.INVERSE_BOUND] = rest_bound(material, units.spacing) ** -2
+        row[at.LIGHTNESS] = density / material.density
         if isinstance(material, Fluid):
             row[at.LAME] = scale * material.bulk_modulus
             row[at.VISCOSITY] = scale * material.viscosity / units.time
             continue
         row[at.SHEAR] = scale * getattr(material, "shear_modulus")  # noqa: B009
-        row[at.LAME] = scale * getattr(material, "lame_lambda")  # noqa: B009
+        averaged = averaged_lame(material)
+        row[at.LAME] = scale * (getattr(material, "lame_lambda") - averaged)  # noqa: B009
+        row[at.MEAN_STIFFNESS] = math.sqrt(scale * material.density / density * averaged)
         if isinstance(material, Sand):
             sine = math.sin(math.radians(material.friction_angle))
             row[at.CONE] = math.sqrt(2 / 3) * 2 * sine / (3 - sine)

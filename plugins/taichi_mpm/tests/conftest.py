@@ -21,6 +21,9 @@ MATERIALS = {
     "neo-hookean": NeoHookean(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     "sand": Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.3),
     "fluid": Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1.0),
+    # Nearly incompressible, of different weight and stiffness: the mean dilation is one of both where they meet.
+    "rubber": Elastic(density=900.0, youngs_modulus=1e5, poissons_ratio=0.49),
+    "gel": NeoHookean(density=1200.0, youngs_modulus=5e4, poissons_ratio=0.47),
 }
 
 

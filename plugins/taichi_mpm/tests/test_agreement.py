@@ -99,7 +99,15 @@ def answer(reference, kit, kinds):
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize(
     "kinds",
-    [("elastic",), ("neo-hookean",), ("sand",), ("fluid",), ("sand", "elastic", "fluid")],
+    [
+        ("elastic",),
+        ("neo-hookean",),
+        ("sand",),
+        ("fluid",),
+        ("sand", "elastic", "fluid"),
+        ("rubber",),
+        ("gel", "rubber", "elastic"),
+    ],
     ids=lambda kinds: "+".join(kinds),
 )
 def test_500_steps_agree_with_the_reference(kit, reference, kinds, precision):
