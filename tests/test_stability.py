@@ -17,9 +17,10 @@ from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Wind
 from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Rigid, Sand
 from gasp_core.engine.mpm import GRADIENT_SHARE, averaged_lame
-from gasp_core.engine.shapes import SphereShape
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.engine.stability import (
     MotionLimits,
+    driven_speed,
     event_times,
     refuse_unstable_substep,
     rest_bound,
@@ -273,3 +274,40 @@ def test_events_are_starts_and_finite_ends_once_each_in_order() -> None:
     ]
     np.testing.assert_array_equal(event_times(drives, [Wind(end=0.25)]), [0.0, 0.25, 0.5, 1.0, 2.0])
     assert event_times([], []).shape == (0,)
+
+
+def test_what_a_drive_takes_hold_of_has_its_speed() -> None:
+    low, high = np.array([0.0, 0.0, 0.0]), np.array([1.0, 2.0, 0.0])
+    half_space = HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
+    turned = Driven(region=half_space, start=1.0, end=2.0, angular_velocity=(0.0, 0.0, 3.0), center=(0.0, 0.0, 0.0))
+    # The farthest corner of the matter, sqrt(5) m away.
+    assert driven_speed([turned], 1.0, low, high) == pytest.approx(3 * math.sqrt(5))
+    # Before and after it there is none, at its end there is none either.
+    assert driven_speed([turned], 0.9, low, high) == driven_speed([turned], 2.0, low, high) == 0.0
+    # No part of a ball of half a metre is farther away than that, however large the matter.
+    ball = replace(turned, region=SphereShape(center=(0.0, 0.0, 0.0), radius=0.5), velocity=(4.0, 0.0, 0.0))
+    assert driven_speed([ball], 1.0, low, high) == pytest.approx(4 + 3 * 0.5)
+    # The same one second on: its centre is 4 m away, and nothing in reach of it.
+    later = replace(ball, end=3.0)
+    assert driven_speed([later], 2.0, low, high) == 0.0
+    box = replace(turned, region=BoxShape(center=(0.1, 0.0, 0.0), half_extents=(0.1, 0.1, 0.1)))
+    assert driven_speed([box], 1.5, low, high) == pytest.approx(3 * math.sqrt(0.2**2 + 2 * 0.1**2))
+    assert driven_speed([box, turned], 1.5, low, high) == pytest.approx(3 * math.sqrt(5))
+    assert driven_speed([Impulse(region=half_space, start=1.0)], 1.0, low, high) == 0.0
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_nothing_a_drive_holds_is_faster_than_the_bound(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    center, velocity, spin = rng.uniform(-1, 1, (3, 3))
+    region = BoxShape(center=tuple(rng.uniform(-1, 1, 3)), half_extents=tuple(rng.uniform(0.1, 1, 3)))
+    drive = Driven(
+        region=region, velocity=tuple(velocity), angular_velocity=tuple(spin), center=tuple(center), start=0.0, end=9.0
+    )
+    # At its start the region is where it is said to be: what is in it and within the box of the matter.
+    points = rng.uniform(-2, 2, (200, 3))
+    held = points[region.signed_distance(points) <= 0]
+    prescribed = np.linalg.norm(velocity + np.cross(spin, held - center), axis=1)
+    bound = driven_speed([drive], 0.0, points.min(axis=0), points.max(axis=0))
+    assert prescribed.max(initial=0.0) <= bound * (1 + 1e-12)

@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem
-from gasp_core.engine.forcing import Drive, ForceField, Impulse
+from gasp_core.engine.forcing import Drive, Driven, ForceField, Impulse
 from gasp_core.engine.materials import Fluid, Material
 from gasp_core.engine.mpm import GRADIENT_SHARE
+from gasp_core.engine.shapes import BoxShape, Shape, SphereShape
 from gasp_core.errors import SceneError
 
 __all__ = [
     "MotionLimits",
+    "driven_speed",
     "event_times",
     "refuse_unstable_substep",
     "rest_bound",
@@ -56,7 +58,7 @@ class MotionLimits:
     stress
         Smallest stable step over all points at their present stretch [s].
     speed
-        Largest |v| [m/s].
+        Largest |v| [m/s], of the points and of what drives make of them (`driven_speed`).
     velocity_gradient
         Largest Frobenius norm of the points' affine velocity C [1/s].
     acceleration
@@ -142,6 +144,36 @@ def substep_size(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy)
     if limits.velocity_gradient > 0:
         step = min(step, _DISTORTION / limits.velocity_gradient)
     return step
+
+
+def driven_speed(drives: Sequence[Drive], time: float, low: Array, high: Array) -> float:
+    """Bound on the speed [m/s] that drives prescribe at `time` [s] to matter between corners low and high (3,) [m].
+
+    Matter that a drive takes hold of has that speed within a step, whatever it had before.
+    """
+    speed = 0.0
+    for drive in drives:
+        if not (isinstance(drive, Driven) and drive.start <= time < drive.end):
+            continue
+        center = np.asarray(drive.center) + np.asarray(drive.velocity) * (time - drive.start)
+        nearest = np.linalg.norm(np.maximum(np.maximum(low - center, center - high), 0.0))
+        farthest = np.linalg.norm(np.maximum(np.abs(low - center), np.abs(high - center)))
+        reach = _reach(drive.region, np.asarray(drive.center))
+        if nearest <= reach:
+            arm = min(float(farthest), reach)
+            speed = max(speed, math.hypot(*drive.velocity) + math.hypot(*drive.angular_velocity) * arm)
+    return speed
+
+
+def _reach(region: Shape, center: Array) -> float:
+    """Largest distance [m] of a place in the region from `center` (3,) [m], about which it may be turned."""
+    match region:
+        case BoxShape():
+            return float(np.linalg.norm(np.abs(np.asarray(region.center) - center) + region.half_extents))
+        case SphereShape():
+            return float(np.linalg.norm(np.asarray(region.center) - center)) + region.radius
+        case _:
+            return math.inf
 
 
 def substeps_to(remaining: float, step: float) -> tuple[int, float]:

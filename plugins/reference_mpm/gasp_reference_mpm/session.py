@@ -20,7 +20,7 @@ from gasp_core.engine.contract import (
     StepReport,
 )
 from gasp_core.engine.forcing import DomainPolicy, Impulse
-from gasp_core.engine.stability import MotionLimits, event_times, substep_size, substeps_to
+from gasp_core.engine.stability import MotionLimits, driven_speed, event_times, substep_size, substeps_to
 from gasp_reference_mpm.lattice import grid_excess, place_name
 from gasp_reference_mpm.matter import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
@@ -183,9 +183,12 @@ class ReferenceSession:
         return [step] * taking
 
     def _limits(self, motion: Motion) -> MotionLimits:
+        places = motion.positions + self._origin
+        felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
+        driven = driven_speed(self._problem.drives, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
         return MotionLimits(
             stress=stable_step(self._matter, motion, self._spacing),
-            speed=float(np.linalg.norm(motion.velocities, axis=1).max()),
+            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
         )

@@ -396,8 +396,9 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 for q in range(control[at.ACTIVE]):
                     clear_block(grid, means, active, control, q)
                 if ti.static(averaged):
-                    for p in range(control[at.POINTS]):
-                        scatter_dilation(x, points, labels, materials, means, control, p)
+                    for q in range(control[at.COLOURS_AT + 8]):
+                        for p in range(tiles[2 * q], tiles[2 * q + 1]):
+                            scatter_dilation(x, points, labels, materials, means, control, p)
                     for q in range(control[at.ACTIVE]):
                         divide_block(means, active, control, q)
                 for q in range(control[at.COLOURS_AT + 8]):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
 from gasp_core.engine.forcing import Domain, DomainPolicy, Impulse
-from gasp_core.engine.stability import MotionLimits, event_times, substep_size, substeps_to
+from gasp_core.engine.stability import MotionLimits, driven_speed, event_times, substep_size, substeps_to
 from gasp_core.errors import SceneError
 from gasp_taichi_mpm import layout as at
 from gasp_taichi_mpm import runtime
@@ -121,9 +121,12 @@ class TaichiSession:
         survey = cloud.survey()
         self._judge(survey, tally, 0.0)
         while self._time < end:
+            # Drives act at nodes, which points feel from a cell and a half away.
+            felt = 1.5 * self._units.spacing
+            driven = driven_speed(self._problem.drives, self._time, survey.low - felt, survey.high + felt)
             limits = MotionLimits(
                 stress=survey.stress,
-                speed=survey.speed,
+                speed=max(survey.speed, driven),
                 velocity_gradient=survey.velocity_gradient,
                 acceleration=math.hypot(*self._problem.gravity),
             )

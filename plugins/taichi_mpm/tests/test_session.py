@@ -31,9 +31,10 @@ def same(a, b):
     )
 
 
+@pytest.mark.parametrize("material", ["sand", "rubber"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_restart_is_bitwise(kit, precision):
-    problem = falling(kit, "sand")
+def test_restart_is_bitwise(kit, precision, material):
+    problem = falling(kit, material)
     with kit.open(problem, precision=precision, spacing=0.1) as whole:
         whole.advance_to(0.03)
         kept = {name: np.array(array) for name, array in whole.checkpoint().items()}
@@ -57,8 +58,9 @@ def test_a_checkpoint_of_something_else_is_refused(kit):
             kit.open(falling(kit), spacing=0.1, restart={name: kept[name] for name in kept if name != lost})
 
 
-def test_any_number_of_threads_gives_the_same_bits(kit, pool_of_four):
-    problem = falling(kit)
+@pytest.mark.parametrize("material", ["elastic", "rubber"])
+def test_any_number_of_threads_gives_the_same_bits(kit, pool_of_four, material):
+    problem = falling(kit, material)
     results = []
     for threads in (1, 2, 4):
         with kit.open(problem, spacing=0.05, threads=threads) as session:
@@ -295,9 +297,10 @@ def test_a_gpu_that_is_not_there_is_said_so(kit):
         TaichiMpm().open(falling(kit), device="tpu")
 
 
-def test_the_way_of_the_gpu_gives_the_same_motion(kit):
+@pytest.mark.parametrize("material", ["elastic", "rubber"])
+def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     """Its arrays and its scatter with atomics, run on the CPU: the order of additions apart, the same arithmetic."""
-    problem = falling(kit)
+    problem = falling(kit, material)
     with kit.open(problem, precision="float64", spacing=0.1) as session:
         session.advance_to(0.05)
         expected = session.read(kit.everything)
