@@ -1,0 +1,64 @@
+"""Why stress acts as it does: the two choices of `gasp_core.engine.mpm`, each varied in the reference engine.
+
+A cantilever that bends by a quarter of its length under its own weight (V7, K = 2), by the share of the splines' own
+gradient in the kernel of the stress; and a short one of growing Poisson's ratio (V6), by how the dilation is averaged.
+About ten minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gasp_reference_mpm.matter as matter
+import gasp_reference_mpm.transfer as transfer
+from gasp_conformance.cases import beam_hangs
+from gasp_conformance.extreme_cases import beam_swings
+from gasp_conformance.scenes import shared_scene
+from gasp_conformance.subject import Subject, find_subject
+
+SHARES = (0.0, 0.25, 0.5, 1.0)
+CELLS = (24, 48)
+RATIOS = (0.4, 0.45, 0.49, 0.499)
+
+
+@contextmanager
+def replaced(module: Any, name: str, value: Any) -> Iterator[None]:
+    """The module with another value under a name, for as long as it lasts."""
+    usual = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, usual)
+
+
+def bending(subject: Subject) -> None:
+    """Error of the drop of the tip, by share and by cells along the length (an eighth of them across it)."""
+    scene = shared_scene("v7_bent")
+    print("drop of the tip of a hanging beam, error [%]")
+    print("share of the gradient " + "".join(f"{f'{cells // 8} cells thick':>16}" for cells in CELLS))
+    for share in SHARES:
+        with replaced(transfer, "GRADIENT_SHARE", share):
+            errors = [100 * beam_hangs(subject, scene, cells).drop_error for cells in CELLS]
+        print(f"{share:<22}" + "".join(f"{error:16.1f}" for error in errors), flush=True)
+
+
+def locking(subject: Subject, cells: int) -> None:
+    """Mean drop of a beam over that at 0.3, with the dilation of every point its own and averaged."""
+    print(f"\nmean drop of a beam {cells} cells thick, over that at Poisson's ratio 0.3, - 1 [%]")
+    print("Poisson's ratio       " + "".join(f"{ratio:>8}" for ratio in RATIOS))
+    usual, _ = beam_swings(subject, 0.3, cells)
+    ways: dict[str, Callable[..., Any]] = {"its own": lambda *given: given[-1], "averaged": transfer.local_means}
+    for name, mean in ways.items():
+        with replaced(matter, "local_means", mean):
+            drops = [100 * (beam_swings(subject, ratio, cells)[0] / usual - 1) for ratio in RATIOS]
+        print(f"dilation {name:<13}" + "".join(f"{drop:8.1f}" for drop in drops), flush=True)
+
+
+if __name__ == "__main__":
+    engine = find_subject("reference-mpm", None)
+    bending(engine)
+    for thickness in (2, 3):
+        locking(engine, thickness)
