@@ -135,7 +135,7 @@ class SnowTearsAsUsual(RightSnow):
         return replace(material, critical_stretch=_USUAL.critical_stretch)
 
 
-def _half_hardened_stress(matter: Matter, motion: Motion) -> Array:
+def _half_hardened_stress(matter: Matter, motion: Motion, _: Stencil) -> Array:
     stress = np.empty_like(motion.deformations)
     for material, rows in matter.portions:
         shear = fixed_corotated_stress(motion.deformations[rows], material.shear_modulus, 0.0)

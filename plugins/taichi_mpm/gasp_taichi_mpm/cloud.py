@@ -242,7 +242,7 @@ class Cloud:
             # Some room to grow into; what is never touched costs no memory.
             self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
             self._grid = None
-            self._grid = self._memory.empty((self._capacity, 4), self.real)
+            self._grid = self._memory.empty((self._capacity, 4), np.float64)
             if self._averaged:
                 self._means = None
                 self._means = self._memory.empty((self._capacity, 2), self.real)

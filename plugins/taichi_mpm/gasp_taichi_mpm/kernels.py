@@ -7,6 +7,7 @@ Moving least squares MPM after Hu et al. 2018 (10.1145/3197517.3201293), quadrat
 the kernel folds into the affine velocity, what is left is s times the splines' gradient.
 
 Positions are float64 in every precision: x += dt v in float32 loses half an ulp a step, always in the same direction.
+So is the grid: where matter rests under stress the pulls on a node round alike at every step, and momentum drifts.
 """
 
 from functools import cache
@@ -60,7 +61,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     vec2 = ti.types.vector(2, real)
     Positions = ti.types.ndarray(dtype=ti.types.vector(3, ti.f64), ndim=1)
     Reals = ti.types.ndarray(dtype=real, ndim=1)
-    Grid = ti.types.ndarray(dtype=vec4, ndim=1)
+    node4 = ti.types.vector(4, ti.f64)
+    Grid = ti.types.ndarray(dtype=node4, ndim=1)
     Means = ti.types.ndarray(dtype=vec2, ndim=1)
     Ints = ti.types.ndarray(dtype=ti.i32, ndim=1)
     Doubles = ti.types.ndarray(dtype=ti.f64, ndim=1)
@@ -89,8 +91,10 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     @ti.func
     def weights(offset):
         """Rows: the three weights along each axis; column: the axis."""
-        a, b, c = 1.5 - offset, offset - 1.0, offset - 0.5
-        return ti.Matrix.rows([0.5 * a * a, 0.75 - b * b, 0.5 * c * c])
+        a, c = 1.5 - offset, offset - 0.5
+        low, high = 0.5 * a * a, 0.5 * c * c
+        # Not 3/4 - (offset - 1)^2: the three are to add up to one.
+        return ti.Matrix.rows([low, 1.0 - (low + high), high])
 
     @ti.func
     def slopes(offset):
@@ -205,7 +209,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 pzij = w[j, 1] * pzi
                 line = first + i * sx + j * sy
                 for k in ti.static(range(3)):
-                    given = w[k, 2] * (b + k * zij) + d[k, 2] * pzij
+                    given = ti.cast(w[k, 2] * (b + k * zij) + d[k, 2] * pzij, ti.f64)
                     if ti.static(on_gpu):
                         grid[line + k] += given
                     else:
@@ -224,7 +228,9 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             diy, diz = vec4(0), vec4(0)
             for j in ti.static(range(3)):
                 line = first + i * sx + j * sy
-                g0, g1, g2 = grid[line], grid[line + 1], grid[line + 2]
+                g0 = ti.cast(grid[line], real)
+                g1 = ti.cast(grid[line + 1], real)
+                g2 = ti.cast(grid[line + 2], real)
                 t1 = w[1, 2] * g1
                 t2 = w[2, 2] * g2
                 s0 = w[0, 2] * g0 + t1 + t2
@@ -326,7 +332,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             for j in range(4):
                 line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
                 for k in ti.static(range(4)):
-                    grid[line + k] = vec4(0)
+                    grid[line + k] = node4(0)
                     if ti.static(averaged):
                         means[line + k] = vec2(0)
 
@@ -363,14 +369,13 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
                 for k in range(4):
                     g = grid[line + k]
-                    v = vec3(0)
+                    v = kick * 0
                     if g[3] > least_mass:
-                        momentum = ti.cast(vec3(g[0], g[1], g[2]), ti.f64)
-                        u = momentum / ti.cast(g[3], ti.f64) + kick
+                        u = ti.Vector([g[0], g[1], g[2]]) / g[3] + kick
                         node = ti.Vector([control[at.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
                         place = ti.cast(node, ti.f64)
-                        v = ti.cast(constrain(u, place, batch, forcing, control, report, drive_set), real)
-                    grid[line + k] = vec4(v[0], v[1], v[2], 0)
+                        v = constrain(u, place, batch, forcing, control, report, drive_set)
+                    grid[line + k] = node4(v[0], v[1], v[2], 0)
 
     @ti.kernel
     def steps_in_thread(
@@ -529,10 +534,10 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2]
                     for k in range(4):
                         g = grid[line + corner[2] + k]
-                        v = vec3(0)
+                        v = node4(0)
                         if g[3] > least_mass:
-                            v = vec3(g[0], g[1], g[2]) / g[3]
-                        grid[line + corner[2] + k] = vec4(v[0], v[1], v[2], 0)
+                            v = g / g[3]
+                        grid[line + corner[2] + k] = v
         ti.loop_config(serialize=serial, parallelize=pool)
         for p in range(control[at.POINTS]):
             _v, C, _L = gather(x, grid, control, p)
