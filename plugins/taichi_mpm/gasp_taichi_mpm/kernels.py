@@ -221,6 +221,8 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         offset, first, sx, sy = stencil(x, control, p)
         w = weights(offset)
         d = slopes(offset)
+        # Relative to the middle node: what moves as one does not change its velocity, in whatever precision.
+        middle = grid[first + sx + sy + 1]
         V, CX, CY, CZ = vec4(0), vec4(0), vec4(0), vec4(0)
         GX, GY, GZ = vec4(0), vec4(0), vec4(0)
         for i in ti.static(range(3)):
@@ -228,9 +230,9 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             diy, diz = vec4(0), vec4(0)
             for j in ti.static(range(3)):
                 line = first + i * sx + j * sy
-                g0 = ti.cast(grid[line], real)
-                g1 = ti.cast(grid[line + 1], real)
-                g2 = ti.cast(grid[line + 2], real)
+                g0 = ti.cast(grid[line] - middle, real)
+                g1 = ti.cast(grid[line + 1] - middle, real)
+                g2 = ti.cast(grid[line + 2] - middle, real)
                 t1 = w[1, 2] * g1
                 t2 = w[2, 2] * g2
                 s0 = w[0, 2] * g0 + t1 + t2
@@ -254,6 +256,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         C = ti.Matrix([[CX[0], CY[0], CZ[0]], [CX[1], CY[1], CZ[1]], [CX[2], CY[2], CZ[2]]])
         G = ti.Matrix([[GX[0], GY[0], GZ[0]], [GX[1], GY[1], GZ[1]], [GX[2], GY[2], GZ[2]]])
         L = real(1 - GRADIENT_SHARE) * C + real(GRADIENT_SHARE) * G
+        V += ti.cast(middle, real)
         return vec3(V[0], V[1], V[2]), C, L
 
     @ti.func
