@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Wind
-from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Rigid, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Rigid, Sand, Snow
 from gasp_core.engine.mpm import GRADIENT_SHARE, averaged_lame
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.engine.stability import (
     MotionLimits,
     driven_speed,
     event_times,
+    hardening_of,
+    hencky_stiffening,
     refuse_unstable_substep,
     rest_bound,
+    snow_stiffening,
     stiffening,
     substep_size,
     substeps_to,
@@ -97,8 +100,9 @@ def test_a_lone_point_is_stable_up_to_the_bound_and_not_beyond(
 @given(ratio=ratios, modulus=moduli, density=densities, spacing=spacings)
 def test_the_bound_of_a_solid_is_the_closed_form(ratio: float, modulus: float, density: float, spacing: float) -> None:
     closed = spacing * math.sqrt(density * (1 - 2 * ratio) / (modulus * (1 + GRADIENT_SHARE**2)))
-    for kind in (Elastic, NeoHookean, Sand):
-        material = kind(density=density, youngs_modulus=modulus, poissons_ratio=ratio)
+    solid = {"density": density, "youngs_modulus": modulus, "poissons_ratio": ratio}
+    flowing = [kind(**solid, yield_stress=1.0) for kind in (Metal, Plasticine, Foam)]
+    for material in [*(kind(**solid) for kind in (Elastic, NeoHookean, Sand, Snow)), *flowing]:
         # 1 - 2 nu cancels near 1/2: eps / (1 - 0.998) and the roundings of both forms.
         assert rest_bound(material, spacing) == pytest.approx(closed, rel=1e-12)
 
@@ -132,8 +136,14 @@ def test_without_stiffness_there_is_no_bound() -> None:
     assert rest_bound(Rigid(density=1.0), 0.1) == math.inf
 
 
-@pytest.mark.parametrize("kind", [Elastic, NeoHookean])
-def test_the_dilation_is_averaged_beyond_a_poissons_ratio_of_two_fifths(kind: type[Elastic]) -> None:
+def metal(*, density: float, youngs_modulus: float, poissons_ratio: float) -> Material:
+    return Metal(
+        density=density, youngs_modulus=youngs_modulus, poissons_ratio=poissons_ratio, yield_stress=1.0, hardening=9.0
+    )
+
+
+@pytest.mark.parametrize("kind", [Elastic, NeoHookean, metal])
+def test_the_dilation_is_averaged_beyond_a_poissons_ratio_of_two_fifths(kind: Any) -> None:
     for ratio in (-0.5, 0.0, 0.3, 0.4 - 1e-9):
         assert averaged_lame(kind(density=1.0, youngs_modulus=1e5, poissons_ratio=ratio)) == 0.0
     rubber = kind(density=1.0, youngs_modulus=1e5, poissons_ratio=0.499)
@@ -142,6 +152,7 @@ def test_the_dilation_is_averaged_beyond_a_poissons_ratio_of_two_fifths(kind: ty
     own = (rubber.lame_lambda - averaged_lame(rubber)) / rubber.shear_modulus
     assert own == pytest.approx(kept.lame_lambda / kept.shear_modulus, rel=1e-9)
     assert averaged_lame(Sand(density=1.0, youngs_modulus=1e5, poissons_ratio=0.499)) == 0.0
+    assert averaged_lame(Snow(density=1.0, youngs_modulus=1e5, poissons_ratio=0.499)) == 0.0
     assert averaged_lame(Fluid(density=1.0, bulk_modulus=1e5)) == 0.0
 
 
@@ -175,6 +186,58 @@ def test_stiffening_covers_the_tangent_of_the_fixed_corotated_law(
     allowed = at_rest * float(stiffening(deformation[None])[0])
     # Central differences with h = 1e-6 are good to 1e-8 of these numbers.
     assert tangent(law, deformation) <= allowed * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("ratio", [-0.5, 0.0, 0.3, 0.45])
+@settings(deadline=None)
+@given(stretches=st.tuples(*[st.floats(0.05, 20.0)] * 3))
+def test_stiffening_covers_the_tangent_of_hencky_elasticity(
+    ratio: float, stretches: tuple[float, float, float]
+) -> None:
+    material = metal(density=1.0, youngs_modulus=1.0, poissons_ratio=ratio)
+    mu, lame = material.shear_modulus, material.lame_lambda
+
+    def law(f: Array) -> Array:
+        left, values, _ = np.linalg.svd(f)
+        strains = np.log(values)
+        return (left * (2 * mu * strains + lame * strains.sum())) @ left.T
+
+    deformation = np.diag(stretches)
+    allowed = max(2 * mu, 2 * mu + 3 * lame) * float(hencky_stiffening(deformation[None])[0])
+    # Central differences with h = 1e-6 are good to 1e-8 of these numbers.
+    assert tangent(law, deformation) <= allowed * (1 + 1e-6)
+
+
+def test_hencky_elasticity_is_as_stiff_however_far_it_is_pressed() -> None:
+    factors = hencky_stiffening(np.stack([np.eye(3), 0.01 * np.eye(3), 50 * np.eye(3), np.diag([1.0, 1.0, 1e-3])]))
+    # Pressed alike on all sides s^3 / |J| is one, but for rounding, of which x has the root: x coth x = 1 + x^2 / 3.
+    np.testing.assert_allclose(factors[:3], 1, rtol=1e-12)
+    # Flat: x is ln 1000, to which the bound on the largest stretch, sqrt(2) but for a thousandth, adds 3 ln sqrt(2).
+    assert factors[3] == pytest.approx(math.log(1e3) + 1.5 * math.log(2), rel=1e-3)
+    assert np.isfinite(hencky_stiffening(np.zeros((1, 3, 3)))).all()
+
+
+def test_snow_stiffens_as_its_law_says_and_its_step_can_always_be_counted() -> None:
+    ratios = np.array([1.0, 0.9, 0.5, 1.5, 1e300])
+    expected = [1.0, math.exp(0.8), math.exp(4.0), 1.0, 1.0]
+    np.testing.assert_allclose(snow_stiffening(np.log(ratios), 8.0), expected, rtol=1e-12)
+    # exp(1e6) is no number; what is given instead is beyond any limit of substeps, and its root can be divided by.
+    factor = float(snow_stiffening(np.array([-9.0]), 1e6)[0])
+    assert 1e60 < factor < 1e100
+    assert snow_stiffening(np.array([-9.0, 9.0]), 0.0).tolist() == [1.0, 1.0]
+
+
+def test_steps_are_short_where_snow_hardens_fast() -> None:
+    limits = MotionLimits(stress=1.0, speed=0.0, velocity_gradient=2.0, hardening=10.0)
+    # In 0.5 / (xi |grad v|) the compression is sqrt(3) / 2 / xi at most.
+    assert limits.hardening_time == limits.lasting(1.0) == 0.5 / 20
+    assert substep_size(limits, 0.1, EngineAccuracy()) == 0.5 / 20
+    assert replace(limits, speed=100.0).lasting(1.0) == 0.01
+    assert replace(limits, hardening=0.0).lasting(1.0) == math.inf
+    elastic = Elastic(density=1.0, youngs_modulus=1.0, poissons_ratio=0.0)
+    snows = [Snow(density=1.0, youngs_modulus=1.0, poissons_ratio=0.0, hardening=xi) for xi in (3.0, 7.0)]
+    assert hardening_of(problem_of(elastic, *snows)) == 7.0
+    assert hardening_of(problem_of(elastic)) == 0.0
 
 
 def test_stiffening_is_one_at_rest_and_under_pressure_and_knows_no_rotation() -> None:

@@ -174,13 +174,6 @@ def test_the_right_engine_passes_what_catches_them(endings: Any, slow: bool) -> 
     assert endings(RIGHT, names) == dict.fromkeys(names, "")
 
 
-SNOW = [f"material:snow[{what}]" for what in ("elastic", "compaction", "confined", "tearing")]
-
-
-def test_right_snow_passes_what_catches_wrong_snow(endings: Any) -> None:
-    assert endings("right-snow", SNOW) == dict.fromkeys(SNOW, "")
-
-
 def test_every_core_check_catches_somebody(pytester: pytest.Pytester) -> None:
     chosen = Chosen([])
     pytester.inline_run("--pyargs", "gasp_conformance", f"--gasp-engine={RIGHT}", "-q", plugins=[chosen])

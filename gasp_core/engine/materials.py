@@ -134,7 +134,21 @@ class Fluid(Material):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snow(_Solid):
-    """Snow: fixed-corotated with a box of allowed stretches that hardens (Stomakhin et al. 2013)."""
+    """Snow: fixed-corotated, with a box of allowed stretches, and the stiffer the more it was pressed.
+
+    Stomakhin et al. 2013, "A material point method for snow simulation" (10.1145/2461912.2461948), section 5. The
+    singular values of F_E are held within [1 - theta_c, 1 + theta_s]; what is beyond goes into F_P, and both of Lame's
+    parameters are exp(xi (1 - J_P)) times those at rest, J_P = det F_P: without a cap, and below 1 where it was pulled.
+
+    Parameters
+    ----------
+    critical_compression
+        theta_c, >= 0 and <= 1.
+    critical_stretch
+        theta_s, >= 0.
+    hardening
+        xi, >= 0. A step has to be shorter by exp(xi (1 - J_P) / 2).
+    """
 
     kind: ClassVar[str] = "snow"
     critical_compression: float = 0.025
@@ -149,42 +163,97 @@ class Snow(_Solid):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Metal(_Solid):
-    """Hencky elasticity with von Mises yield; `yield_stress` [Pa], linear `hardening` [Pa]."""
+class _Yielding(_Solid):
+    """Hencky elasticity that flows at constant volume where it is sheared too hard.
 
-    kind: ClassVar[str] = "metal"
+    tau = 2 mu e + lambda tr(e) I of the logarithmic elastic strain e. It flows along the deviator s of tau where
+    sqrt(3/2) |s| is above the yield stress (von Mises 1913), which is the tension at which a bar yields; p is the
+    equivalent plastic strain, dp = sqrt(2/3) |d e_P|, which is the stretch for good of such a bar.
+
+    Parameters
+    ----------
+    yield_stress
+        Y [Pa], of what has not flowed yet.
+    """
+
     yield_stress: float
-    hardening: float = 0.0
 
     def __post_init__(self) -> None:
         _Solid.__post_init__(self)
         positive(self, "yield_stress")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metal(_Yielding):
+    """Hencky elasticity with von Mises yield and linear isotropic hardening.
+
+    sqrt(3/2) |dev tau| <= Y + H p, p being the equivalent plastic strain (Simo 1992, 10.1016/0045-7825(92)90123-2): a
+    bar that is pulled beyond Y stiffens by E H / (E + H).
+
+    Parameters
+    ----------
+    yield_stress
+        Y [Pa].
+    hardening
+        H [Pa], >= 0.
+    """
+
+    kind: ClassVar[str] = "metal"
+    hardening: float = 0.0
+
+    def __post_init__(self) -> None:
+        _Yielding.__post_init__(self)
         finite(self, "hardening", low=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plasticine(_Solid):
-    """Hencky elasticity with von Mises yield that softens as it flows; `yield_stress` [Pa]."""
+class Plasticine(_Yielding):
+    """Hencky elasticity with von Mises yield that softens as it flows.
+
+    sqrt(3/2) |dev tau| <= Y max(1 - c p, r), p being the equivalent plastic strain: `Metal`'s law with H = -c Y, down
+    to what is left.
+
+    Parameters
+    ----------
+    yield_stress
+        Y [Pa].
+    softening
+        c, >= 0: the share of Y that is lost per unit of plastic strain.
+    residual
+        r, > 0 and <= 1: the share of Y that is never lost.
+    """
 
     kind: ClassVar[str] = "plasticine"
-    yield_stress: float
+    softening: float = 1.0
+    residual: float = 0.5
 
     def __post_init__(self) -> None:
-        _Solid.__post_init__(self)
-        positive(self, "yield_stress")
+        _Yielding.__post_init__(self)
+        finite(self, "softening", low=0.0)
+        finite(self, "residual", low=0.0, open_low=True, high=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foam(_Solid):
-    """Viscoplastic Hencky solid; `yield_stress` [Pa], `plastic_viscosity` [Pa s] (Yue et al. 2015)."""
+class Foam(_Yielding):
+    """Viscoplastic Hencky solid: what is above its yield stress flows off at a finite rate.
+
+    |d e_P / dt| = max(0, |dev tau| - sqrt(2/3) Y) / eta (Yue et al. 2015, 10.1145/2751541, section 3, with h = 1). In
+    steady simple shear at a rate g the shear stress is Y / sqrt(3) + eta g / 2: eta is twice Bingham's plastic
+    viscosity.
+
+    Parameters
+    ----------
+    yield_stress
+        Y [Pa].
+    plastic_viscosity
+        eta [Pa s], >= 0. Without it, foam is metal that does not harden.
+    """
 
     kind: ClassVar[str] = "foam"
-    yield_stress: float
     plastic_viscosity: float = 0.0
 
     def __post_init__(self) -> None:
-        _Solid.__post_init__(self)
-        positive(self, "yield_stress")
+        _Yielding.__post_init__(self)
         finite(self, "plastic_viscosity", low=0.0)
 
 

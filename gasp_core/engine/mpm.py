@@ -7,7 +7,7 @@ its volume does not bend at all.
 
 from __future__ import annotations
 
-from gasp_core.engine.materials import Elastic, Material, NeoHookean
+from gasp_core.engine.materials import Elastic, Foam, Material, Metal, NeoHookean, Plasticine
 
 __all__ = ["GRADIENT_SHARE", "averaged_lame"]
 
@@ -45,7 +45,13 @@ def averaged_lame(material: Material) -> float:
     never above that of the points themselves (Cauchy-Schwarz), so the stable step is what it was, and a lone point
     feels no difference. After the volume averaging of Zhao, Jiang and Choo 2023, "Circumventing volumetric locking in
     explicit material point methods", here of the energy rather than of the deformation gradient.
+
+    What flows at constant volume has no shear stiffness while it does, and so locks at any Poisson's ratio, but little:
+    with the excess averaged at a ratio of 0.49 a rod of metal, three cells thick and thrown on a floor, is shortened to
+    0.861 of its length rather than 0.877 (0.836 at twice the resolution). With all of lambda averaged it would be 0.858
+    there, and 0.843 rather than 0.844 at a ratio of 0.3, while the points' own volumes scatter by a fifth to a third
+    more. So it is the excess here as well.
     """
-    if isinstance(material, Elastic | NeoHookean):
+    if isinstance(material, Elastic | NeoHookean | Metal | Plasticine | Foam):
         return max(0.0, material.lame_lambda - _OWN_LAME * material.shear_modulus)
     return 0.0

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem
 from gasp_core.engine.forcing import Drive, Driven, ForceField, Impulse
-from gasp_core.engine.materials import Fluid, Material
+from gasp_core.engine.materials import Fluid, Material, Snow
 from gasp_core.engine.mpm import GRADIENT_SHARE
 from gasp_core.engine.shapes import BoxShape, Shape, SphereShape
 from gasp_core.errors import SceneError
@@ -34,8 +34,11 @@ __all__ = [
     "MotionLimits",
     "driven_speed",
     "event_times",
+    "hardening_of",
+    "hencky_stiffening",
     "refuse_unstable_substep",
     "rest_bound",
+    "snow_stiffening",
     "stiffening",
     "substep_size",
     "substeps_to",
@@ -47,6 +50,10 @@ _ADVECTION = 0.5
 """|v| dt + g dt^2 <= 0.5 dx."""
 _DISTORTION = 0.2
 """|grad v| dt <= 0.2 (after Sun et al. 2020, 10.1111/cgf.14101)."""
+_HARDENED = 0.5
+"""xi |grad v| t <= 0.5: no snow becomes stiffer than by a factor e^0.9 within t, tr grad v <= sqrt(3) |grad v|."""
+_GREATEST_EXPONENT = 200.0
+"""Of a growth of stiffness: e^100 times as many steps are too many, whatever the limit, and can still be counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,12 +70,15 @@ class MotionLimits:
         Largest Frobenius norm of the points' affine velocity C [1/s].
     acceleration
         Of gravity [m/s^2]: what is at rest now is not so at the end of a long step.
+    hardening
+        Largest growth of the logarithm of a stiffness per unit of compression (`hardening_of`).
     """
 
     stress: float
     speed: float
     velocity_gradient: float
     acceleration: float = 0.0
+    hardening: float = 0.0
 
     def flight(self, distance: float) -> float:
         """Longest time t [s] in which no point goes further than `distance` [m]: |v| t + a t^2 at most.
@@ -77,6 +87,16 @@ class MotionLimits:
         """
         rate = self.speed + math.sqrt(self.speed**2 + 4 * self.acceleration * distance)
         return 2 * distance / rate if rate > 0 else math.inf
+
+    def lasting(self, distance: float) -> float:
+        """How long [s] these limits may be relied on: until a point has gone `distance` [m], or snow has hardened."""
+        return min(self.flight(distance), self.hardening_time)
+
+    @property
+    def hardening_time(self) -> float:
+        """How long [s] snow takes to become noticeably stiffer, pressed as fast as anything is."""
+        growth = self.hardening * self.velocity_gradient
+        return _HARDENED / growth if growth > 0 else math.inf
 
 
 def rest_bound(material: Material, spacing: float) -> float:
@@ -106,14 +126,44 @@ def stiffening(deformation_gradients: Array) -> Array:
     is needed for a bound on s: the other two stretches have the product |J|/s, so their squares add up to 2 |J|/s at
     least, and s is at most the largest root of s^3 - |F|^2 s + 2 |J| = 0 (Viete's form; exact where the two are equal).
     """
+    stretch, volume_ratio = _largest_stretch(deformation_gradients)
+    stretch = np.maximum(np.maximum(stretch, volume_ratio), 1.0)
+    return 2 * stretch**2 - stretch
+
+
+def _largest_stretch(deformation_gradients: Array) -> tuple[Array, Array]:
+    """Bound on the largest stretch, and |J|, each (N,); see `stiffening`."""
     volume_ratio = np.abs(np.linalg.det(deformation_gradients))
     third = np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) / 3
     # What was crushed to nothing has no scale; that of the floor is still there when it is cubed.
     scale = np.sqrt(np.maximum(third, 1e-200))
     # The mean of three squares is never below the geometric one; rounding may say so.
     angle = np.arccos(-np.minimum(volume_ratio / scale**3, 1.0)) / 3
-    stretch = np.maximum(np.maximum(2 * scale * np.cos(angle), volume_ratio), 1.0)
-    return 2 * stretch**2 - stretch
+    return 2 * scale * np.cos(angle), volume_ratio
+
+
+def hencky_stiffening(deformation_gradients: Array) -> Array:
+    """As `stiffening`, for laws that are linear in the logarithm of the elastic stretches, (N, 3, 3) to (N,).
+
+    tau_i = 2 mu e_i + lambda tr e is as stiff in pressure however far it is stretched. In shear between the axes i and
+    j, d tau_ij = (tau_j - tau_i) (b_j L_ij + b_i L_ji) / (b_j - b_i), b = exp(2 e): on L_ij + L_ji its eigenvalue is
+    2 mu x coth x, x = e_j - e_i (Ogden 1984, "Non-linear elastic deformations", section 6.1.4). With s a bound on the
+    largest stretch, x <= ln(s^3 / |J|).
+    """
+    stretch, volume_ratio = _largest_stretch(deformation_gradients)
+    apart = np.maximum(3 * np.log(stretch) - np.log(np.maximum(volume_ratio, 1e-200)), 1e-9)
+    return apart / np.tanh(apart)
+
+
+def snow_stiffening(log_volume_ratios: Array, hardening: float) -> Array:
+    """Factor >= 1, (N,), by which snow is stiffer than at rest, of ln J_P (N,): exp(xi (1 - J_P))."""
+    return np.exp(np.clip(-hardening * np.expm1(np.minimum(log_volume_ratios, 1.0)), 0.0, _GREATEST_EXPONENT))
+
+
+def hardening_of(problem: PointProblem) -> float:
+    """Largest xi of the snow in a problem, 0 without any: d ln(stiffness) = -xi dJ_P, and -dJ_P <= compression."""
+    used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
+    return max((material.hardening for material in used if isinstance(material, Snow)), default=0.0)
 
 
 def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: EngineAccuracy) -> None:
@@ -143,7 +193,7 @@ def substep_size(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy)
     step = min(step, limits.flight(_ADVECTION * spacing))
     if limits.velocity_gradient > 0:
         step = min(step, _DISTORTION / limits.velocity_gradient)
-    return step
+    return min(step, limits.hardening_time)
 
 
 def driven_speed(drives: Sequence[Drive], time: float, low: Array, high: Array) -> float:

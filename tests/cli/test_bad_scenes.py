@@ -36,7 +36,11 @@ CASES = {
         material(model='"sand"'),
         ['ballistic does not model sand (object "toy")', "engines that do: ", "reference-mpm"],
     ),
-    "material no engine has": (MATERIAL, material(model='"snow"'), ["does not model snow", "no other installed"]),
+    "material no engine has": (
+        MATERIAL,
+        '{ model = "rigid", density = 200 }',
+        ["does not model rigid", "no other installed"],
+    ),
     "collider the engine lacks": (
         "[engine]",
         '[[collider]]\nshape = "plane"\nheight = 0.0\n[engine]',

@@ -13,9 +13,8 @@ from gasp_core.engine.contract import EngineDescriptor
 from gasp_core.engine.hookspecs import hookimpl
 from mutants import advances, company, declarations, knobs, problems, readings, snow, solvers
 from mutants.base import MUTANTS, Mutant
-from mutants.snow import RightSnow
 
-__all__ = ["MUTANTS", "Mutant", "RightSnow", "gasp_point_engines"]
+__all__ = ["MUTANTS", "Mutant", "gasp_point_engines"]
 
 MODULES = (problems, solvers, knobs, readings, advances, company, declarations, snow)
 """Importing them fills the catalogue."""
@@ -23,7 +22,7 @@ MODULES = (problems, solvers, knobs, readings, advances, company, declarations, 
 
 @hookimpl
 def gasp_point_engines() -> Sequence[EngineDescriptor]:
-    """All of them, and the one that is right about snow."""
+    """All of them."""
     return [
         EngineDescriptor(
             name=name,
@@ -32,5 +31,5 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
             capabilities=kind.declares,
             factory=f"{kind.__module__}:{kind.__name__}",
         )
-        for name, kind in {**MUTANTS, RightSnow.name: RightSnow}.items()
+        for name, kind in MUTANTS.items()
     ]

@@ -7,6 +7,7 @@ principal stretches and axes alone. F and everything like it is (N, 3, 3); modul
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,13 @@ __all__ = [
     "fluid_stress",
     "hencky_stress",
     "log_volume_ratio",
+    "logarithmic_strains",
     "neo_hookean_stress",
     "polar_rotation",
+    "snow_hardening",
+    "snow_projection",
+    "viscoplastic_projection",
+    "von_mises_projection",
 ]
 
 Array = NDArray[Any]
@@ -122,6 +128,129 @@ def drucker_prager_projection(
 
     projected = (left * np.exp(strains)[:, None, :]) @ right
     return projected, np.where(loose, trace, 0.0)
+
+
+def _upright(deformation: Array) -> tuple[Array, Array, Array]:
+    """U, stretches and V^T of F = U diag V^T with det U V^T = +1, where no stretch is below the floor.
+
+    What was turned inside out has its smallest stretch on the floor: put together again, it is upright.
+    """
+    left, stretches, right = np.linalg.svd(deformation)
+    inverted = np.linalg.det(left) * np.linalg.det(right) < 0
+    left[:, :, 2] *= np.where(inverted, -1.0, 1.0)[:, None]
+    stretches[:, 2] *= np.where(inverted, -1.0, 1.0)
+    return left, np.maximum(stretches, _SMALLEST_STRETCH), right
+
+
+def logarithmic_strains(deformation: Array) -> Array:
+    """e (N, 3), the logarithms of the principal stretches, largest first."""
+    return np.log(_upright(deformation)[1])
+
+
+def _deviator(strains: Array) -> tuple[Array, Array]:
+    """dev e (N, 3) and its length (N,)."""
+    deviator = strains - strains.mean(axis=1, keepdims=True)
+    return deviator, np.linalg.norm(deviator, axis=1)
+
+
+def _after_flow(deformation: Array, slip: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """F and what it slipped, dev e being shorter by slip(|dev e|) (N,); tr e stays, and F where nothing slips."""
+    left, stretches, right = _upright(deformation)
+    strains = np.log(stretches)
+    deviator, norm = _deviator(strains)
+    slipped = slip(norm)
+    strains = strains - (slipped / np.where(norm > 0, norm, 1.0))[:, None] * deviator
+    flowed = (left * np.exp(strains)[:, None, :]) @ right
+    moved = (slipped > 0) | (stretches[:, 2] <= _SMALLEST_STRETCH)
+    return np.where(moved[:, None, None], flowed, deformation), slipped
+
+
+def von_mises_projection(
+    deformation: Array,
+    plastic_strain: Array,
+    mu: float,
+    yield_stress: float,
+    hardening: float,
+    residual_stress: float,
+) -> tuple[Array, Array]:
+    """Bring elastic deformation back to the von Mises cylinder whose radius goes with the plastic strain p.
+
+    sqrt(3/2) |2 mu dev e| <= max(Y + H p, R). Radial return in logarithmic strain, exact for either line: with
+    dp = sqrt(2/3) s for a slip s of dev e, 2 mu (|dev e| - s) = sqrt(2/3) (Y + H (p + sqrt(2/3) s)), or sqrt(2/3) R
+    (Simo 1992, 10.1016/0045-7825(92)90123-2, box 2; Simo and Hughes 1998, "Computational inelasticity", 3.3.1). Where
+    matter softens faster than its springs unload, 2 mu + 2/3 H <= 0, it drops to R at once.
+
+    Parameters
+    ----------
+    deformation : (N, 3, 3)
+        Elastic F after a trial step.
+    plastic_strain : (N,)
+        p so far.
+    yield_stress, hardening, residual_stress : float [Pa]
+        Y, H (below 0 for what softens) and R <= Y.
+
+    Returns
+    -------
+    Projected F (N, 3, 3), plastic strain (N,).
+    """
+    root = math.sqrt(2 / 3)
+
+    def slip(norm: Array) -> Array:
+        above_line = 2 * mu * norm - root * (yield_stress + hardening * plastic_strain)
+        above_residual = 2 * mu * norm - root * residual_stress
+        slope = 2 * mu + 2 / 3 * hardening
+        to_line = above_line / slope if slope > 0 else np.full_like(norm, np.inf)
+        outside = (above_line > 0) & (above_residual > 0)
+        return np.where(outside, np.minimum(to_line, above_residual / (2 * mu)), 0.0)
+
+    flowed, slipped = _after_flow(deformation, slip)
+    return flowed, plastic_strain + root * slipped
+
+
+def viscoplastic_projection(deformation: Array, mu: float, yield_stress: float, viscosity: float, step: float) -> Array:
+    """Let what is above the yield stress flow off for `step` [s]: |d dev e / dt| = (|2 mu dev e| - sqrt(2/3) Y) / eta.
+
+    Yue et al. 2015 (10.1145/2751541), section 3 with h = 1, by the implicit Euler rule, of which the excess is left
+    that comes of (1 + 2 mu dt / eta)^-1. `viscosity` is eta [Pa s].
+    """
+
+    def slip(norm: Array) -> Array:
+        excess = np.maximum(0.0, norm - math.sqrt(2 / 3) * yield_stress / (2 * mu))
+        return excess * (step / (step + viscosity / (2 * mu)))
+
+    return _after_flow(deformation, slip)[0]
+
+
+def snow_projection(
+    deformation: Array, log_volume_ratio: Array, critical_compression: float, critical_stretch: float
+) -> tuple[Array, Array]:
+    """Bring the stretches of snow back into their box, and give what is beyond to the volume of F_P.
+
+    Stomakhin et al. 2013 (10.1145/2461912.2461948), section 5.
+
+    Parameters
+    ----------
+    deformation : (N, 3, 3)
+        Elastic F after a trial step.
+    log_volume_ratio : (N,)
+        ln J_P so far.
+
+    Returns
+    -------
+    Projected F (N, 3, 3), ln J_P (N,).
+    """
+    left, stretches, right = _upright(deformation)
+    least = max(1 - critical_compression, _SMALLEST_STRETCH)
+    kept = np.clip(stretches, least, 1 + critical_stretch)
+    moved = (kept != stretches).any(axis=1) | (stretches[:, 2] <= _SMALLEST_STRETCH)
+    projected = np.where(moved[:, None, None], (left * kept[:, None, :]) @ right, deformation)
+    return projected, log_volume_ratio + np.log(stretches / kept).sum(axis=1)
+
+
+def snow_hardening(log_volume_ratio: Array, hardening: float) -> Array:
+    """exp(xi (1 - J_P)) (N,), the factor on both of Lame's parameters; `hardening` is xi."""
+    # Beyond e^50 times its volume snow is gone, and J_P must not overflow: 0 times infinity is no number.
+    return np.exp(-hardening * np.expm1(np.minimum(log_volume_ratio, 50.0)))
 
 
 def fluid_deformation(deformation: Array, dilation: Array) -> Array:

@@ -63,7 +63,7 @@ class ReferenceMpm:
                 affine_velocities=affine,
                 velocity_gradients=affine,
                 deformations=np.tile(np.eye(3), (len(positions), 1, 1)),
-                volume_gains=np.zeros(len(positions)),
+                history=np.zeros(len(positions)),
             )
         return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time)
 
@@ -75,7 +75,7 @@ def _restored(checkpoint: Mapping[str, Array], count: int) -> tuple[float, Motio
         "affine_velocities": (count, 3, 3),
         "velocity_gradients": (count, 3, 3),
         "deformations": (count, 3, 3),
-        "volume_gains": (count,),
+        "history": (count,),
     }
     for name, shape in {"time": (), **shapes}.items():
         found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.mpm import averaged_lame
-from gasp_core.engine.stability import rest_bound, stiffening
+from gasp_core.engine.stability import hencky_stiffening, rest_bound, snow_stiffening, stiffening
 from gasp_reference_mpm.constitution import (
     drucker_prager_projection,
     fixed_corotated_stress,
@@ -20,7 +20,12 @@ from gasp_reference_mpm.constitution import (
     fluid_stress,
     hencky_stress,
     log_volume_ratio,
+    logarithmic_strains,
     neo_hookean_stress,
+    snow_hardening,
+    snow_projection,
+    viscoplastic_projection,
+    von_mises_projection,
 )
 from gasp_reference_mpm.transfer import Stencil, local_means
 
@@ -51,9 +56,10 @@ class Motion:
     velocity_gradients : (N, 3, 3) [1/s]
         L, what F grew by.
     deformations : (N, 3, 3)
-        F; the elastic part for sand, J^(1/3) I for fluids.
-    volume_gains : (N,)
-        Sand alone: see `drucker_prager_projection`.
+        F; the elastic part of what flows, J^(1/3) I for fluids.
+    history : (N,)
+        What matter remembers of its flow beside F. Sand: the logarithm of the volume ratio it gained while loose. Snow:
+        ln J_P. Metal and plasticine: equivalent plastic strain. Nothing else remembers anything.
     """
 
     positions: Array
@@ -61,7 +67,7 @@ class Motion:
     affine_velocities: Array
     velocity_gradients: Array
     deformations: Array
-    volume_gains: Array
+    history: Array
 
 
 def matter_of(problem: PointProblem) -> Matter:
@@ -74,7 +80,7 @@ def matter_of(problem: PointProblem) -> Matter:
     )
 
 
-def _law_stress(material: Material, deformation: Array, velocity_gradient: Array) -> Array:
+def _law_stress(material: Material, deformation: Array, velocity_gradient: Array, history: Array) -> Array:
     match material:
         case Elastic():
             own = material.lame_lambda - averaged_lame(material)
@@ -84,6 +90,12 @@ def _law_stress(material: Material, deformation: Array, velocity_gradient: Array
             return neo_hookean_stress(deformation, material.shear_modulus, own)
         case Sand():
             return hencky_stress(deformation, material.shear_modulus, material.lame_lambda)
+        case Metal() | Plasticine() | Foam():
+            own = material.lame_lambda - averaged_lame(material)
+            return hencky_stress(deformation, material.shear_modulus, own)
+        case Snow():
+            at_rest = fixed_corotated_stress(deformation, material.shear_modulus, material.lame_lambda)
+            return snow_hardening(history, material.hardening)[:, None, None] * at_rest
         case Fluid():
             return fluid_stress(deformation, velocity_gradient, material.bulk_modulus, material.viscosity)
         case _:
@@ -94,7 +106,9 @@ def kirchhoff_stress(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
     """tau of every point, (N, 3, 3) [Pa]; what is nearly incompressible feels the mean dilation around it."""
     stress = np.empty_like(motion.deformations)
     for material, rows in matter.portions:
-        stress[rows] = _law_stress(material, motion.deformations[rows], motion.velocity_gradients[rows])
+        stress[rows] = _law_stress(
+            material, motion.deformations[rows], motion.velocity_gradients[rows], motion.history[rows]
+        )
     stress += _mean_pressure(matter, motion, stencil)[:, None, None] * np.eye(3)
     return stress
 
@@ -111,6 +125,9 @@ def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
             case NeoHookean():
                 leverage[rows] = 1.0
                 dilation[rows] = log_volume_ratio(motion.deformations[rows])
+            case Metal() | Plasticine() | Foam():
+                leverage[rows] = 1.0
+                dilation[rows] = logarithmic_strains(motion.deformations[rows]).sum(axis=1)
             case _:
                 pass
     tight = np.flatnonzero(stiffness)
@@ -122,28 +139,58 @@ def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
 
 
 def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: float) -> tuple[Array, Array]:
-    """Deformation and volume gain after `step` [s] of velocity gradients L (N, 3, 3) [1/s].
+    """Deformation and history after `step` [s] of velocity gradients L (N, 3, 3) [1/s].
 
     F grows to (I + dt L) F; then the material says how much of that it keeps as elastic deformation.
     """
     deformations = motion.deformations + step * velocity_gradients @ motion.deformations
-    volume_gains = motion.volume_gains.copy()
+    history = motion.history.copy()
     for material, rows in matter.portions:
         match material:
             case Sand():
-                deformations[rows], volume_gains[rows] = drucker_prager_projection(
+                deformations[rows], history[rows] = drucker_prager_projection(
                     deformations[rows],
-                    volume_gains[rows],
+                    history[rows],
                     material.shear_modulus,
                     material.lame_lambda,
                     material.friction_angle,
+                )
+            case Snow():
+                deformations[rows], history[rows] = snow_projection(
+                    deformations[rows], history[rows], material.critical_compression, material.critical_stretch
+                )
+            case Metal():
+                deformations[rows], history[rows] = von_mises_projection(
+                    deformations[rows],
+                    history[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    material.hardening,
+                    material.yield_stress,
+                )
+            case Plasticine():
+                deformations[rows], history[rows] = von_mises_projection(
+                    deformations[rows],
+                    history[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    -material.softening * material.yield_stress,
+                    material.residual * material.yield_stress,
+                )
+            case Foam():
+                deformations[rows] = viscoplastic_projection(
+                    deformations[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    material.plastic_viscosity,
+                    step,
                 )
             case Fluid():
                 dilation = step * np.trace(velocity_gradients[rows], axis1=1, axis2=2)
                 deformations[rows] = fluid_deformation(motion.deformations[rows], dilation)
             case _:
                 pass
-    return deformations, volume_gains
+    return deformations, history
 
 
 def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:
@@ -151,9 +198,15 @@ def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:
     bound = np.inf
     for material, rows in matter.portions:
         deformation = motion.deformations[rows]
-        growth = stiffening(deformation)
-        if isinstance(material, Fluid):
-            # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
-            growth = np.maximum(growth, np.linalg.det(deformation) ** -8)
+        match material:
+            case Fluid():
+                # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
+                growth = np.maximum(stiffening(deformation), np.linalg.det(deformation) ** -8)
+            case Metal() | Plasticine() | Foam():
+                growth = hencky_stiffening(deformation)
+            case Snow():
+                growth = stiffening(deformation) * snow_stiffening(motion.history[rows], material.hardening)
+            case _:
+                growth = stiffening(deformation)
         bound = min(bound, rest_bound(material, spacing) / float(np.sqrt(growth.max())))
     return bound

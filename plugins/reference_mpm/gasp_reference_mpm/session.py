@@ -20,7 +20,14 @@ from gasp_core.engine.contract import (
     StepReport,
 )
 from gasp_core.engine.forcing import DomainPolicy, Impulse
-from gasp_core.engine.stability import MotionLimits, driven_speed, event_times, substep_size, substeps_to
+from gasp_core.engine.stability import (
+    MotionLimits,
+    driven_speed,
+    event_times,
+    hardening_of,
+    substep_size,
+    substeps_to,
+)
 from gasp_reference_mpm.lattice import grid_excess, place_name
 from gasp_reference_mpm.matter import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
@@ -66,6 +73,7 @@ class ReferenceSession:
         self._time = time
         self._held_back = np.zeros(len(matter.masses), dtype=bool)
         self._events = event_times(problem.drives, problem.force_fields)
+        self._hardening = hardening_of(problem)
 
     @property
     def time(self) -> float:
@@ -132,7 +140,7 @@ class ReferenceSession:
             "affine_velocities": motion.affine_velocities.copy(),
             "velocity_gradients": motion.velocity_gradients.copy(),
             "deformations": motion.deformations.copy(),
-            "volume_gains": motion.volume_gains.copy(),
+            "history": motion.history.copy(),
         }
 
     def close(self) -> None:
@@ -166,7 +174,7 @@ class ReferenceSession:
             )
         remaining = landing - self._time
         count, step = substeps_to(remaining, allowed)
-        reach = int(min(_CYCLE, limits.flight(_CYCLE_TRAVEL * self._spacing) / step))
+        reach = int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
         start = self._time
         for index in range(taking):
@@ -191,6 +199,7 @@ class ReferenceSession:
             speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
+            hardening=self._hardening,
         )
 
     def _strike(self) -> None:

@@ -48,14 +48,14 @@ def substep(
         held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
-    deformations, volume_gains = deformed(matter, motion, velocity_gradients, step)
+    deformations, history = deformed(matter, motion, velocity_gradients, step)
     moved = Motion(
         positions=motion.positions + step * point_velocities,
         velocities=point_velocities,
         affine_velocities=affine_velocities,
         velocity_gradients=velocity_gradients,
         deformations=deformations,
-        volume_gains=volume_gains,
+        history=history,
     )
     return moved, held_back
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -13,10 +14,15 @@ from gasp_reference_mpm.constitution import (
     hencky_stress,
     neo_hookean_stress,
     polar_rotation,
+    snow_hardening,
+    snow_projection,
+    viscoplastic_projection,
+    von_mises_projection,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 Array = NDArray[Any]
 Law = Callable[[Array, float, float], Array]
@@ -171,3 +177,201 @@ def test_fluid_viscous_stress_is_newtons() -> None:
     assert stress[0, 0, 1] == pytest.approx(1.4, rel=1e-15)
     swelling = fluid_stress(np.eye(3)[None], np.eye(3)[None], 5.0, 0.7)
     np.testing.assert_allclose(swelling, 0, atol=1e-15)
+
+
+# --- plastic flow at constant volume --------------------------------------------------------------------------------
+
+YIELD = 0.3
+"""A strain at yield of 0.3 / sqrt(6) / 3 = 4 %: of the deformations above some yield and some do not."""
+hardenings = st.sampled_from([0.0, 0.5, 20.0, -0.1, -1.0, -1000.0])
+
+
+def equivalent_stress(deformation: Array) -> Array:
+    """sqrt(3/2) |dev tau| (N,)."""
+    stress = hencky_stress(deformation, MU, LAME)
+    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(1, 2))
+
+
+def radius(plastic_strain: Array, hardening: float, residual: float) -> Array:
+    return np.maximum(YIELD + hardening * plastic_strain, residual)
+
+
+@given(seed=seeds, hardening=hardenings, share=st.floats(0.05, 1.0))
+def test_von_mises_flow_ends_on_the_yield_surface(seed: int, hardening: float, share: float) -> None:
+    residual = share * YIELD
+    trial, before = deformations(seed, 50), np.random.default_rng(seed).uniform(0, 0.2, 50)
+    flowed, after = von_mises_projection(trial, before, MU, YIELD, hardening, residual)
+    yields = equivalent_stress(trial) > radius(before, hardening, residual) + 1e-12
+    # What does not yield is not touched, not even by rounding.
+    assert (flowed[~yields] == trial[~yields]).all()
+    assert (after[~yields] == before[~yields]).all()
+    # A decomposition and its way back: some ten roundings of numbers of the size of the moduli, times 20 where p is
+    # multiplied by that hardening.
+    np.testing.assert_allclose(
+        equivalent_stress(flowed[yields]), radius(after, hardening, residual)[yields], rtol=0, atol=1e-12
+    )
+    # At constant volume, along the deviator, and by as much as is remembered.
+    np.testing.assert_allclose(np.linalg.det(flowed), np.linalg.det(trial), rtol=1e-13)
+    lost = equivalent_stress(trial) - equivalent_stress(flowed)
+    np.testing.assert_allclose(3 * MU * (after - before), np.where(yields, lost, 0), rtol=0, atol=1e-12)
+    again, still = von_mises_projection(flowed, after, MU, YIELD, hardening, residual)
+    np.testing.assert_allclose(again, flowed, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(still, after, rtol=0, atol=1e-12)
+
+
+def pulled(strain: float, hardening: float, residual: float) -> tuple[float, float]:
+    """Axial stress and plastic strain of a bar with free sides at a logarithmic strain along x."""
+
+    def state(side: float) -> tuple[Array, float]:
+        trial = np.diag(np.exp([strain, side, side]))[None]
+        flowed, plastic = von_mises_projection(trial, np.zeros(1), MU, YIELD, hardening, residual)
+        return hencky_stress(flowed, MU, LAME)[0], float(plastic[0])
+
+    side = brentq(lambda side: state(side)[0][1, 1], -strain, strain, xtol=1e-15)
+    stress, plastic = state(side)
+    return stress[0, 0], plastic
+
+
+E = MU * (3 * LAME + 2 * MU) / (LAME + MU)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.7, 5.0, -0.5])
+def test_a_bar_yields_at_its_yield_stress_and_goes_on_along_its_line(hardening: float) -> None:
+    # brentq finds the side to 1e-15, which the stress feels with the moduli.
+    strain = YIELD / E
+    assert pulled(0.999 * strain, hardening, 1e-3) == (pytest.approx(0.999 * YIELD, abs=1e-13), 0.0)
+    slope = E * hardening / (E + hardening)
+    for beyond in (0.01, 0.1, 0.2):
+        stress, plastic = pulled(strain + beyond, hardening, 1e-3)
+        assert stress == pytest.approx(YIELD + slope * beyond, abs=1e-12)
+        assert plastic == pytest.approx(beyond * E / (E + hardening), abs=1e-12)
+
+
+def test_what_softens_keeps_its_residual_stress() -> None:
+    assert pulled(0.3, -1.0, 0.8 * YIELD)[0] == pytest.approx(0.8 * YIELD, abs=1e-12)
+    # Faster than its springs unload, 2/3 |H| > 2 mu: at once.
+    strain = YIELD / (2 * np.sqrt(3) * MU)  # sqrt(3/2) |2 mu dev e| of diag(e, -e, 0)
+    for share, left in ((1.01, 0.5 * YIELD), (0.99, 0.99 * YIELD)):
+        sheared = np.diag(np.exp(np.array([1, -1, 0]) * share * strain))[None]
+        flowed, _ = von_mises_projection(sheared, np.zeros(1), MU, YIELD, -3.1 * MU, 0.5 * YIELD)
+        assert equivalent_stress(flowed)[0] == pytest.approx(left, abs=1e-12)
+
+
+@given(seed=seeds)
+def test_foam_without_viscosity_is_metal_that_does_not_harden(seed: int) -> None:
+    trial = deformations(seed)
+    metal, _ = von_mises_projection(trial, np.zeros(len(trial)), MU, YIELD, 0.0, YIELD)
+    np.testing.assert_allclose(viscoplastic_projection(trial, MU, YIELD, 0.0, 1e-3), metal, rtol=0, atol=1e-14)
+
+
+@given(seed=seeds, viscosity=st.floats(1e-2, 1e2), step=st.floats(1e-4, 1e1))
+def test_overstress_flows_off_at_its_rate(seed: int, viscosity: float, step: float) -> None:
+    trial = deformations(seed)
+    flowed = viscoplastic_projection(trial, MU, YIELD, viscosity, step)
+    excess = np.maximum(equivalent_stress(trial) - YIELD, 0)
+    left = excess / (1 + 2 * MU * step / viscosity)
+    np.testing.assert_allclose(np.maximum(equivalent_stress(flowed) - YIELD, 0), left, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(flowed), np.linalg.det(trial), rtol=1e-13)
+    assert (flowed[excess == 0] == trial[excess == 0]).all()
+
+
+def test_foam_in_steady_shear_is_a_bingham_fluid() -> None:
+    yield_stress, viscosity, rate, step = 1e-3, 0.5, 2e-3, 1e-2
+    shear = np.zeros((1, 3, 3))
+    shear[0, 0, 1] = rate
+    deformation = np.eye(3)[None]
+    # Ten times as long as the excess takes to settle, eta / (2 mu).
+    for _ in range(int(10 * viscosity / (2 * MU) / step)):
+        grown = deformation + step * shear @ deformation
+        deformation = viscoplastic_projection(grown, MU, yield_stress, viscosity, step)
+    found = hencky_stress(deformation, MU, LAME)[0, 0, 1]
+    expected = yield_stress / np.sqrt(3) + viscosity * rate / 2
+    # e^-10 of the excess is left, and the elastic strain, some stress / mu, turns the axes by as much.
+    assert found == pytest.approx(expected, rel=np.exp(-10) + expected / MU)
+
+
+@given(seed=seeds, hardening=hardenings)
+def test_flow_turns_with_the_body_and_ignores_turns_of_the_rest_state(seed: int, hardening: float) -> None:
+    trial, turn, zero = deformations(seed), rotations(seed + 1), np.zeros(20)
+
+    def metal(f: Array) -> Array:
+        return von_mises_projection(f, zero, MU, YIELD, hardening, 0.1 * YIELD)[0]
+
+    def foam(f: Array) -> Array:
+        return viscoplastic_projection(f, MU, YIELD, 2.0, 0.1)
+
+    def snow(f: Array) -> Array:
+        return snow_projection(f, zero, 0.025, 0.0075)[0]
+
+    for flow in (metal, foam, snow):
+        np.testing.assert_allclose(flow(turn @ trial), turn @ flow(trial), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(flow(trial @ turn), flow(trial) @ turn, rtol=0, atol=1e-12)
+
+
+@given(seed=seeds, hardening=hardenings)
+def test_a_closed_cycle_gives_no_energy(seed: int, hardening: float) -> None:
+    """Work along straight pieces of F is the gain of elastic energy up to the trial; flow must only take from that."""
+    rng = np.random.default_rng(seed)
+    # Out through ten random deformations and back to where it began.
+    way = [np.eye(3), *deformations(seed, 10), np.eye(3)]
+    metal, foam, plastic = np.eye(3)[None], np.eye(3)[None], np.zeros(1)
+    work = {"metal": 0.0, "foam": 0.0}
+    for here, there in itertools.pairwise(way):
+        change = there @ np.linalg.inv(here)
+        trial = change @ metal
+        work["metal"] += hencky_energy(trial)[0] - hencky_energy(metal)[0]
+        metal, plastic = von_mises_projection(trial, plastic, MU, YIELD, hardening, 0.1 * YIELD)
+        trial = change @ foam
+        work["foam"] += hencky_energy(trial)[0] - hencky_energy(foam)[0]
+        foam = viscoplastic_projection(trial, MU, YIELD, 1.0, rng.uniform(0, 1))
+    # What was put in is at least what is stored, but for the rounding of twenty energies of some moduli.
+    assert work["metal"] >= hencky_energy(metal)[0] - 1e-13
+    assert work["foam"] >= hencky_energy(foam)[0] - 1e-13
+    assert plastic[0] > 0
+
+
+# --- snow -----------------------------------------------------------------------------------------------------------
+
+
+@given(seed=seeds, compression=st.floats(0, 1), stretch=st.floats(0, 0.5))
+def test_snow_is_kept_in_its_box_and_remembers_its_volume(seed: int, compression: float, stretch: float) -> None:
+    trial = deformations(seed)
+    before = np.random.default_rng(seed).uniform(-0.5, 0.5, len(trial))
+    kept, after = snow_projection(trial, before, compression, stretch)
+    stretches, were = (np.linalg.svd(f, compute_uv=False) for f in (kept, trial))
+    assert (stretches >= 1 - compression - 1e-14).all()
+    assert (stretches <= 1 + stretch + 1e-14).all()
+    np.testing.assert_allclose(np.log(np.linalg.det(kept)) + after, np.log(np.linalg.det(trial)) + before, atol=1e-13)
+    inside = ((were > 1 - compression + 1e-14) & (were < 1 + stretch - 1e-14)).all(axis=1)
+    assert (kept[inside] == trial[inside]).all()
+    assert (after[inside] == before[inside]).all()
+
+
+def test_snow_hardens_by_the_exponent_of_the_paper_and_vanishes_when_it_is_gone() -> None:
+    ratios = np.array([1.0, 0.86, 0.5, 1.3])
+    np.testing.assert_allclose(snow_hardening(np.log(ratios), 6.0), np.exp(6.0 * (1 - ratios)), rtol=1e-14)
+    # However far it was torn, and whether or not it hardens, it is a number.
+    assert snow_hardening(np.array([1e3, 1e300]), 10.0).tolist() == [0.0, 0.0]
+    assert snow_hardening(np.array([-1e3, 1e3, 1e300]), 0.0).tolist() == [1.0, 1.0, 1.0]
+
+
+@given(seed=seeds)
+def test_what_is_turned_inside_out_is_upright_after_its_flow(seed: int) -> None:
+    trial = rotations(seed) @ (np.array([1.2, 0.9, -0.3])[:, None] * rotations(seed + 1))
+    zero = np.zeros(len(trial))
+    results = [
+        von_mises_projection(trial, zero, MU, YIELD, 1.0, YIELD)[0],
+        # So strong that it does not flow.
+        von_mises_projection(trial, zero, MU, 1e9, 1.0, 1e9)[0],
+        viscoplastic_projection(trial, MU, YIELD, 1e9, 1e-9),
+        snow_projection(trial, zero, 0.025, 0.0075)[0],
+        snow_projection(trial, zero, 1.0, 9.0)[0],
+    ]
+    for flowed in results:
+        assert (np.linalg.det(flowed) > 0).all()
+        assert np.isfinite(hencky_stress(flowed, MU, LAME)).all()
+    for crushed in (np.zeros((1, 3, 3)), np.diag([1.0, 1.0, 0.0])[None]):
+        flowed, plastic = von_mises_projection(crushed, np.zeros(1), MU, YIELD, 1.0, YIELD)
+        assert np.isfinite(flowed).all()
+        assert np.isfinite(plastic).all()

@@ -31,7 +31,7 @@ from gasp_core.engine.forcing import (
     Side,
     Wind,
 )
-from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.engine.stability import rest_bound
 from gasp_core.errors import SceneError
@@ -47,6 +47,10 @@ MATERIALS = [
     NeoHookean(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2),
     Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1.0),
+    Snow(density=400.0, youngs_modulus=1e5, poissons_ratio=0.2),
+    Metal(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.45, yield_stress=1e3, hardening=5e3),
+    Plasticine(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3, yield_stress=2e3),
+    Foam(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3, yield_stress=1e3, plastic_viscosity=100.0),
 ]
 
 
@@ -98,10 +102,13 @@ def thrown(material: Material, scale: float = 1.0, offset: float = 0.0) -> tuple
     corner = np.array([0.1, 0.2, 0.1]) * scale + place
     velocity = np.array([1.0, 0.5, -2.0]) * math.sqrt(scale)
     changed = {one.name: getattr(material, one.name) for one in fields(material)}
-    for stiffness in {"youngs_modulus", "bulk_modulus"} & set(changed):
-        changed[stiffness] *= scale
-    if "viscosity" in changed:
-        changed["viscosity"] *= scale**1.5
+    stresses = {"youngs_modulus", "bulk_modulus", "yield_stress"} | (
+        {"hardening"} if isinstance(material, Metal) else set()
+    )
+    for stress in stresses & set(changed):
+        changed[stress] *= scale
+    for viscosity in {"viscosity", "plastic_viscosity"} & set(changed):
+        changed[viscosity] *= scale**1.5
     floor = HalfSpace(point=tuple(place), normal=(0.0, 0.0, 1.0))
     scene = problem(
         box((2, 3, 2), spacing, corner),
@@ -568,3 +575,16 @@ def test_water_in_a_tank_comes_to_rest_under_its_own_pressure() -> None:
     # Nothing is spilled: walls hold in edges and corners too.
     assert (np.abs(state.positions[:, :2] - 0.5) < 0.5).all()
     assert state.positions[:, 2].min() > 0
+
+
+# --- what flows for good --------------------------------------------------------------------------------------------
+
+
+def test_snow_that_hardens_beyond_all_steps_ends_with_a_reason() -> None:
+    spacing = 0.1
+    snow = Snow(density=400.0, youngs_modulus=1e5, poissons_ratio=0.2, hardening=1e5)
+    scene = problem(box((3, 3, 3), spacing), spacing, snow, (0.0, 0.0, -20.0), colliders=(Collider(shape=FLOOR),))
+    with opened(scene, spacing) as session:
+        report = session.advance_to(0.1)
+    assert report.status is Status.SUBSTEP_LIMIT
+    assert "substeps" in report.warnings[0]

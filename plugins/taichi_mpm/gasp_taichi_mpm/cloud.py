@@ -329,7 +329,7 @@ class Cloud:
         F = rows[:, at.DEFORMATION : at.DEFORMATION + 9].astype(np.float64).reshape(-1, 3, 3)
         material = self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)[:, at.MATERIAL]
         fluid = self._fluid[material]
-        F[fluid] = np.cbrt(1 + rows[fluid, at.GAIN].astype(np.float64))[:, None, None] * np.eye(3)
+        F[fluid] = np.cbrt(1 + rows[fluid, at.HISTORY].astype(np.float64))[:, None, None] * np.eye(3)
         return self._restored(F)
 
     def push(self, members: Array, change: Array) -> None:

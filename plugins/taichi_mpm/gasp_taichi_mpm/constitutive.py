@@ -1,18 +1,22 @@
-# ruff: noqa: SIM102 - an "if" of a compile-time constant must stand alone, or what it excludes is compiled.
+# ruff: noqa: SIM102, SIM109 - "if" of a compile-time constant must stand alone, or what it excludes is compiled; no "in".
 """Materials: how F follows the velocity gradient L, what plasticity takes away, and the stress that results.
 
 Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), see `scaling`. A new material is a branch here, a kind in
 `layout.KINDS`, a row in `scaling.material_table` and a type in the plugin's capabilities.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 from gasp_taichi_mpm import layout as at
-from gasp_taichi_mpm.decompositions import cofactors, determinant_with, rotation_of, singular_columns
+from gasp_taichi_mpm.decompositions import cofactors, determinant_with, proper_frames, rotation_of, singular_columns
 from gasp_taichi_mpm.runtime import taichi as ti
 
 __all__ = ["make_response"]
+
+_ROOT = math.sqrt(2 / 3)
+"""Equivalent plastic strain per slip of the deviator."""
 
 
 @ti.func
@@ -33,7 +37,7 @@ def _volume(F):
 
 
 def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callable[..., Any]:
-    """Taichi function (F, L, gain, dt, materials, row) -> (F, gain, stress, dilation) for the kinds present.
+    """Taichi function (F, L, history, dt, materials, row) -> (F, history, stress, dilation) for the kinds present.
 
     With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it gives the
     stress as things are.
@@ -43,8 +47,12 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
     polar_tolerance = 1e-15 if double else 1e-7
     cosine = 1e-15 if double else 1e-7
     alone = len(kinds) == 1
-    has_elastic, has_neo_hookean, has_sand, has_fluid = (kind in kinds for kind in at.KINDS)
-    is_elastic, is_neo_hookean, is_sand, is_fluid = at.KINDS.values()
+    has_elastic, has_neo_hookean, has_sand, has_fluid = (
+        kind in kinds for kind in ("elastic", "neo-hookean", "sand", "fluid")
+    )
+    has_snow, has_foam = "snow" in kinds, "foam" in kinds
+    has_ductile = "metal" in kinds or "plasticine" in kinds
+    is_elastic, is_neo_hookean, is_sand, is_fluid, is_snow, is_metal, is_plasticine, is_foam = at.KINDS.values()
 
     @ti.func
     def elastic(F, mu, lame):
@@ -70,7 +78,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         return S, dilation
 
     @ti.func
-    def sand(F, gain, mu, lame, cone):
+    def sand(F, history, mu, lame, cone):
         """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
         B, V = singular_columns(F, real(cosine))
         S = _lengths(B)
@@ -83,17 +91,17 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
             if volume > 1e-3:
                 e += (ti.cast(ti.log(volume), real) - e.sum()) / 3
         G = F
-        new_gain = gain
+        new_history = history
         if ti.static(advance):
-            trace = e.sum() + gain
-            yields = gain != 0
-            e += gain / 3
+            trace = e.sum() + history
+            yields = history != 0
+            e += history / 3
             if trace >= 0:
                 e = e * 0
-                new_gain = trace
+                new_history = trace
                 yields = True
             else:
-                new_gain = gain * 0
+                new_history = history * 0
                 deviator = e - trace / 3
                 size = deviator.norm()
                 excess = size + (3 * lame + 2 * mu) / (2 * mu) * trace * cone
@@ -110,7 +118,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                 if ti.static(not double):
                     if volume > 1e-3:
                         left_out = ti.cast(e.sum(), ti.f64) - ti.log(ti.max(_volume(G), ti.f64(1e-12)))
-                        new_gain += ti.cast(left_out, real)
+                        new_history += ti.cast(left_out, real)
         U = B
         W = B
         trace = e.sum()
@@ -118,7 +126,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
             for r in ti.static(range(3)):
                 U[r, c] = B[r, c] / ti.max(S[c], real(1e-30))
                 W[r, c] = U[r, c] * (2 * mu * e[c] + lame * trace)
-        return G, new_gain, W @ U.transpose()
+        return G, new_history, W @ U.transpose()
 
     @ti.func
     def fluid(L, s, dt, bulk, viscosity):
@@ -140,7 +148,108 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         return s, S
 
     @ti.func
-    def respond(F, L, gain, dt, materials: ti.template(), row):
+    def upright(F):
+        """B = F V with orthogonal columns; V; the rotation U along them; their lengths, none below the floor; det F;
+        and whether one was below: of what is inside out, the smallest always is."""
+        B, V = singular_columns(F, real(cosine))
+        S = _lengths(B)
+        volume = _volume(F)
+        if volume < 0:
+            if S[0] <= S[1] and S[0] <= S[2]:
+                S[0] = 0
+            elif S[1] <= S[2]:
+                S[1] = 0
+            else:
+                S[2] = 0
+        crushed = S.min() <= at.SMALLEST_STRETCH
+        return B, V, proper_frames(B), ti.max(S, real(at.SMALLEST_STRETCH)), volume, crushed
+
+    @ti.func
+    def restretched(F, B, V, U, S, change, crushed):
+        """F with stretches that are 1 + `change` times the S they were.
+
+        By adding what is small: put together anew from rotations, which are rotations but for rounding, F would change
+        its volume at every step in the same direction. Only what was crushed has no other way.
+        """
+        D = B
+        for c in ti.static(range(3)):
+            for r in ti.static(range(3)):
+                D[r, c] = B[r, c] * change[c]
+                if crushed:
+                    D[r, c] = U[r, c] * S[c] * (1 + change[c])
+        G = D @ V.transpose()
+        if not crushed:
+            G += F
+        return G
+
+    @ti.func
+    def hencky(F, history, dt, mu, lame, materials: ti.template(), row, viscous: ti.template()):
+        """Hencky elasticity with von Mises yield (Simo 1992), or overstress that flows off in time (Yue et al. 2015).
+
+        `gasp_core.engine.materials`: metal, plasticine and foam.
+        """
+        B, V, U, S, volume, crushed = upright(F)
+        e = ti.log(S)
+        if ti.static(not double):
+            if volume > 1e-3 and not crushed:
+                e += (ti.cast(ti.log(volume), real) - e.sum()) / 3
+        trace = e.sum()
+        deviator = e - trace / 3
+        G = F
+        new_history = history
+        if ti.static(advance):
+            size = deviator.norm()
+            borne = ti.cast(materials[row + at.YIELD], real)
+            slip = size * 0
+            if ti.static(viscous):
+                relaxation = ti.cast(materials[row + at.RELAXATION], real)
+                slip = ti.max(size - borne / (2 * mu), size * 0) * (dt / (dt + relaxation))
+            else:
+                growth = ti.cast(materials[row + at.HARDENING], real)
+                above_line = 2 * mu * size - borne - growth * history
+                above_residual = 2 * mu * size - ti.cast(materials[row + at.RESIDUAL], real)
+                if above_line > 0 and above_residual > 0:
+                    # Radial return to either line, exact for both; what softens faster than it unloads drops at once.
+                    slip = above_residual / (2 * mu)
+                    slope = 2 * mu + real(_ROOT) * growth
+                    if slope > 0:
+                        slip = ti.min(slip, above_line / slope)
+                    new_history = history + real(_ROOT) * slip
+            if slip > 0 or crushed:
+                change = deviator * 0
+                if slip > 0:
+                    change = deviator * (-slip / size)
+                e += change
+                # In float64, because exp(c) - 1 of a small c has lost its digits.
+                G = restretched(F, B, V, U, S, ti.cast(ti.exp(ti.cast(change, ti.f64)) - 1, real), crushed)
+        W = U
+        for c in ti.static(range(3)):
+            for r in ti.static(range(3)):
+                W[r, c] = U[r, c] * (2 * mu * e[c] + lame * trace)
+        return G, new_history, W @ U.transpose(), trace
+
+    @ti.func
+    def snow(F, history, mu, lame, materials: ti.template(), row):
+        """Fixed-corotated in a box of stretches; both moduli grow with exp(xi (1 - J_P)) (Stomakhin et al. 2013)."""
+        G = F
+        new_history = history
+        if ti.static(advance):
+            least = ti.cast(materials[row + at.LEAST_STRETCH], real)
+            greatest = ti.cast(materials[row + at.GREATEST_STRETCH], real)
+            B, V, U, S, _, crushed = upright(F)
+            kept = ti.min(ti.max(S, least), greatest)
+            change = (kept - S) / S
+            if change.norm_sqr() > 0 or crushed:
+                G = restretched(F, B, V, U, S, change, crushed)
+                new_history = history - ti.cast(ti.log(1 + ti.cast(change, ti.f64)).sum(), real)
+        # Beyond e^50 times its volume snow is gone, and J_P must not overflow: 0 times infinity is no number.
+        ratio = ti.exp(ti.cast(ti.min(new_history, real(50.0)), ti.f64))
+        harder = ti.cast(ti.exp(materials[row + at.HARDENING] * (1 - ratio)), real)
+        stress, _ = elastic(G, mu * harder, lame * harder)
+        return G, new_history, stress
+
+    @ti.func
+    def respond(F, L, history, dt, materials: ti.template(), row):
         kind = ti.cast(materials[row + at.KIND], ti.i32)
         mu = ti.cast(materials[row + at.SHEAR], real)
         lame = ti.cast(materials[row + at.LAME], real)
@@ -148,8 +257,8 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         if ti.static(advance):
             G = F + dt * (L @ F)
         stress = F * 0
-        dilation = gain * 0
-        new_gain = gain
+        dilation = history * 0
+        new_history = history
         if ti.static(has_elastic):
             if ti.static(alone) or kind == is_elastic:
                 stress, dilation = elastic(G, mu, lame)
@@ -158,11 +267,20 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                 stress, dilation = neo_hookean(G, mu, lame)
         if ti.static(has_sand):
             if ti.static(alone) or kind == is_sand:
-                G, new_gain, stress = sand(G, gain, mu, lame, ti.cast(materials[row + at.CONE], real))
+                G, new_history, stress = sand(G, history, mu, lame, ti.cast(materials[row + at.CONE], real))
+        if ti.static(has_snow):
+            if ti.static(alone) or kind == is_snow:
+                G, new_history, stress = snow(G, history, mu, lame, materials, row)
+        if ti.static(has_ductile):
+            if ti.static(alone) or kind == is_metal or kind == is_plasticine:
+                G, new_history, stress, dilation = hencky(G, history, dt, mu, lame, materials, row, False)
+        if ti.static(has_foam):
+            if ti.static(alone) or kind == is_foam:
+                G, new_history, stress, dilation = hencky(G, history, dt, mu, lame, materials, row, True)
         if ti.static(has_fluid):
             if ti.static(alone) or kind == is_fluid:
                 G = F
-                new_gain, stress = fluid(L, gain, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
-        return G, new_gain, stress, dilation
+                new_history, stress = fluid(L, history, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
+        return G, new_history, stress, dilation
 
     return respond

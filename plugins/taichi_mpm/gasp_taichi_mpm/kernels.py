@@ -292,11 +292,11 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         o = p * at.POINT_WIDTH
         F = row9(points, o + at.DEFORMATION)
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-        F, gain, tau, dilation = advance(F, L, points[o + at.GAIN], dt, materials, row)
+        F, history, tau, dilation = advance(F, L, points[o + at.HISTORY], dt, materials, row)
         write_stress(points, o, tau, dilation)
         write9(points, o + at.DEFORMATION, F)
         write9(points, o + at.AFFINE, C)
-        points[o + at.GAIN] = gain
+        points[o + at.HISTORY] = history
         for d in ti.static(range(3)):
             points[o + at.VELOCITY + d] = v[d]
         place = x[p] + batch[at.STEP] * ti.cast(v, ti.f64)
@@ -523,7 +523,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             L = row9(points, o + at.AFFINE)
             F = row9(points, o + at.DEFORMATION)
             row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
-            F, _, tau, dilation = stress_of(F, L, points[o + at.GAIN], real(0.0), materials, row)
+            F, _, tau, dilation = stress_of(F, L, points[o + at.HISTORY], real(0.0), materials, row)
             write_stress(points, o, tau, dilation)
 
     @ti.kernel
@@ -590,10 +590,10 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                 v = ti.cast(row3(points, o + at.VELOCITY), ti.f64)
                 C = ti.cast(row9(points, o + at.AFFINE), ti.f64)
                 F = ti.cast(row9(points, o + at.DEFORMATION), ti.f64)
-                gain = ti.cast(points[o + at.GAIN], ti.f64)
+                history = ti.cast(points[o + at.HISTORY], ti.f64)
                 place = x[p]
                 # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
-                residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (gain - gain) + (place - place).sum()
+                residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (history - history) + (place - place).sum()
                 if not (residue == 0.0):  # noqa: SIM201 - NaN is neither equal nor unequal
                     bad += 1
                 else:
@@ -602,11 +602,23 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
                     # `gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
                     scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-200)))
                     angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
-                    stretch = ti.max(2.0 * scale * ti.cos(angle), ti.abs(J), ti.f64(1.0))
+                    longest = 2.0 * scale * ti.cos(angle)
+                    stretch = ti.max(longest, ti.abs(J), ti.f64(1.0))
                     factor = 2.0 * stretch * stretch - stretch
-                    if ti.cast(materials[row + at.KIND], ti.i32) == ti.static(at.KINDS["fluid"]):
+                    kind = ti.cast(materials[row + at.KIND], ti.i32)
+                    if kind >= ti.static(at.KINDS["metal"]):
+                        # `hencky_stiffening`: x coth x.
+                        apart = 3.0 * ti.log(longest) - ti.log(ti.max(ti.abs(J), ti.f64(1e-200)))
+                        apart = ti.max(apart, ti.f64(1e-9))
+                        factor = apart / ti.tanh(apart)
+                    if kind == ti.static(at.KINDS["snow"]):
+                        # `snow_stiffening`.
+                        pressed = 1.0 - ti.exp(ti.min(history, ti.f64(1.0)))
+                        grown = ti.max(materials[row + at.HARDENING] * pressed, ti.f64(0.0))
+                        factor *= ti.exp(ti.min(grown, ti.f64(200.0)))
+                    if kind == ti.static(at.KINDS["fluid"]):
                         # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
-                        J = 1.0 + gain
+                        J = 1.0 + history
                         stretch = ti.max(J, ti.f64(1.0))
                         factor = ti.max(2.0 * stretch * stretch - stretch, 1.0 / (J * J * J * J * J * J * J * J))
                     stiffness = ti.max(stiffness, factor * materials[row + at.INVERSE_BOUND])

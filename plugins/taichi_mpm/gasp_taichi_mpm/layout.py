@@ -15,9 +15,10 @@ MASS = 12
 STRESS = 13
 """Scaled Kirchhoff stress without the part of the mean dilation: xx, yy, zz, xy, xz, yz."""
 DILATION = 19
-"""What is averaged where matter is nearly incompressible: J - 1 or ln J."""
-GAIN = 20
-"""Sand: volume gained by the projection, logarithmic. Fluid: J - 1 (J - 1 keeps the digits that J loses in float32)."""
+"""What is averaged where matter keeps its volume: J - 1 or ln J."""
+HISTORY = 20
+"""What matter remembers beside F. Sand: the logarithm of the volume it gained in the projection. Snow: ln J_P. Metal,
+plasticine: equivalent plastic strain. Fluid: J - 1, which keeps the digits that J loses in float32."""
 DEFORMATION = 21
 POINT_WIDTH = 32
 LAYOUT = 2
@@ -83,9 +84,29 @@ MEAN_STIFFNESS = 6
 """Square root of the lambda that acts on the mean dilation, scaled as the stress of a material of lightness 1."""
 LIGHTNESS = 7
 """One over the density, relative."""
-MATERIAL_WIDTH = 8
+YIELD = 8
+"""|dev tau| that is borne: sqrt(2/3) of the yield stress."""
+HARDENING = 9
+"""By how much that grows per unit of plastic strain; of snow, xi."""
+RESIDUAL = 10
+"""To how much that may fall."""
+RELAXATION = 11
+"""Of foam: the time in which what is above falls to 1/e, eta / (2 mu)."""
+LEAST_STRETCH = 12
+GREATEST_STRETCH = 13
+"""Of snow's box."""
+MATERIAL_WIDTH = 14
 
-KINDS = {"elastic": 0, "neo-hookean": 1, "sand": 2, "fluid": 3}
+KINDS = {
+    "elastic": 0,
+    "neo-hookean": 1,
+    "sand": 2,
+    "fluid": 3,
+    "snow": 4,
+    "metal": 5,
+    "plasticine": 6,
+    "foam": 7,
+}
 
 # A row of the survey of a chunk of points.
 SURVEY_STIFFNESS = 0
@@ -100,5 +121,7 @@ SURVEY_CHUNK = 1024
 
 TOUCH = 1e-3
 """Signed distance [cells] up to which a node counts as touched by a face it lies on."""
+SMALLEST_STRETCH = 1e-4
+"""Floor of a principal stretch under a logarithm."""
 LEAST_MASS = 1e-30
 """Below this (in mean point masses) a node's velocity is the quotient of two denormals."""

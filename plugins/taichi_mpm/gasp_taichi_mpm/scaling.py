@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.lattice import grid_node
-from gasp_core.engine.materials import Fluid, Sand
+from gasp_core.engine.materials import Fluid, Foam, Material, Metal, Plasticine, Sand, Snow
 from gasp_core.engine.mpm import averaged_lame
 from gasp_core.engine.stability import rest_bound
 from gasp_taichi_mpm import layout as at
@@ -87,7 +87,29 @@ def material_table(problem: PointProblem, units: Units) -> Array:
         averaged = averaged_lame(material)
         row[at.LAME] = scale * (getattr(material, "lame_lambda") - averaged)  # noqa: B009
         row[at.MEAN_STIFFNESS] = math.sqrt(scale * material.density / density * averaged)
-        if isinstance(material, Sand):
+        _write_flow(row, material, math.sqrt(2 / 3) * scale, units.time)
+    return table.reshape(-1)
+
+
+def _write_flow(row: Array, material: Material, scale: float, time: float) -> None:
+    """What a material's return mapping reads; `scale` makes |dev tau| of a yield stress, `time` is the unit [s]."""
+    match material:
+        case Sand():
             sine = math.sin(math.radians(material.friction_angle))
             row[at.CONE] = math.sqrt(2 / 3) * 2 * sine / (3 - sine)
-    return table.reshape(-1)
+        case Metal():
+            row[[at.YIELD, at.RESIDUAL]] = scale * material.yield_stress
+            row[at.HARDENING] = scale * material.hardening
+        case Plasticine():
+            row[at.YIELD] = scale * material.yield_stress
+            row[at.HARDENING] = -scale * material.yield_stress * material.softening
+            row[at.RESIDUAL] = scale * material.yield_stress * material.residual
+        case Foam():
+            row[at.YIELD] = scale * material.yield_stress
+            row[at.RELAXATION] = material.plastic_viscosity / (2 * material.shear_modulus) / time
+        case Snow():
+            row[at.HARDENING] = material.hardening
+            row[at.LEAST_STRETCH] = max(1 - material.critical_compression, at.SMALLEST_STRETCH)
+            row[at.GREATEST_STRETCH] = 1 + material.critical_stretch
+        case _:
+            pass

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
 from gasp_core.engine.forcing import Domain, DomainPolicy, Impulse
-from gasp_core.engine.stability import MotionLimits, driven_speed, event_times, substep_size, substeps_to
+from gasp_core.engine.stability import (
+    MotionLimits,
+    driven_speed,
+    event_times,
+    hardening_of,
+    substep_size,
+    substeps_to,
+)
 from gasp_core.errors import SceneError
 from gasp_taichi_mpm import layout as at
 from gasp_taichi_mpm import runtime
@@ -73,6 +80,7 @@ class TaichiSession:
         self._frame = frame
         self._colliders = collider_rows(problem.colliders, self._units)
         self._events = event_times(problem.drives, problem.force_fields)
+        self._hardening = hardening_of(problem)
         try:
             self._cloud: Cloud | None = Cloud(
                 problem, self._units, double=double, threads=threads, on_gpu=on_gpu, restart=restart
@@ -129,11 +137,12 @@ class TaichiSession:
                 speed=max(survey.speed, driven),
                 velocity_gradient=survey.velocity_gradient,
                 acceleration=math.hypot(*self._problem.gravity),
+                hardening=self._hardening,
             )
             step = substep_size(limits, self._units.spacing, self._accuracy)
             self._refuse_too_many(step, last, tally)
             count, step = substeps_to(end - self._time, step)
-            reach = int(min(_LONGEST_BATCH, limits.flight(0.5 * self._units.spacing) / step))
+            reach = int(min(_LONGEST_BATCH, limits.lasting(0.5 * self._units.spacing) / step))
             batch = min(count, max(1, reach))
             self._batch(cloud, batch, step, tally)
             if batch == count:

@@ -10,7 +10,7 @@ from gasp_taichi_mpm.options import TaichiOptions
 from hypothesis import settings
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision
-from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 
 # A slow machine is not a failure.
 settings.register_profile("untimed", deadline=None)
@@ -21,9 +21,14 @@ MATERIALS = {
     "neo-hookean": NeoHookean(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     "sand": Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.3),
     "fluid": Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1.0),
+    "snow": Snow(density=400.0, youngs_modulus=2e5, poissons_ratio=0.3),
+    "metal": Metal(density=1000.0, youngs_modulus=2e5, poissons_ratio=0.3, yield_stress=2e3, hardening=5e3),
+    "plasticine": Plasticine(density=1000.0, youngs_modulus=2e5, poissons_ratio=0.3, yield_stress=4e3),
+    "foam": Foam(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3, yield_stress=1e3, plastic_viscosity=200.0),
     # Nearly incompressible, of different weight and stiffness: the mean dilation is one of both where they meet.
     "rubber": Elastic(density=900.0, youngs_modulus=1e5, poissons_ratio=0.49),
     "gel": NeoHookean(density=1200.0, youngs_modulus=5e4, poissons_ratio=0.47),
+    "lead": Metal(density=1100.0, youngs_modulus=1e5, poissons_ratio=0.47, yield_stress=2e3),
 }
 
 

@@ -1,0 +1,1 @@
+"""GASP point engine."""

@@ -1,0 +1,303 @@
+"""The points and the grid in Warp's memory: sorted, stepped, surveyed, read back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import warp as wp
+from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
+from gasp_taichi_mpm.cells import arrange  # backend-free; moves to the shared host package
+from gasp_taichi_mpm.scaling import Units, material_table  # backend-free; moves to the shared host package
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.mpm import averaged_lame
+from gasp_warp_mpm import runtime
+from gasp_warp_mpm.barrier import BARRIER_WIDTH
+from gasp_warp_mpm.decompositions import algebra
+from gasp_warp_mpm.kernels import CLAMPED, DRIFTED, REPORT_WIDTH, STEPS_DONE, make_kernels
+from gasp_warp_mpm.rows import Rows, Survey
+from gasp_warp_mpm.session import FarAwayError
+from gasp_warp_mpm.tables import Acting
+
+__all__ = ["Cloud"]
+
+Array = NDArray[Any]
+
+_NODE_LIMIT = 2**28
+_SEEDING_PASSES = 16
+_CELL_LIMIT = 2.0**30
+"""Cells from the anchor, so that integer cells never overflow."""
+
+
+class Cloud:
+    """The state of a session.
+
+    Parameters
+    ----------
+    problem
+        What is simulated.
+    units
+        The engine's units.
+    restart
+        Arrays as `checkpoint` gave them, or None.
+    engine
+        Its name, for messages.
+    device
+        Warp's device.
+    double
+        float64 throughout; positions are float64 in any case.
+    threads
+        Processors to use on the CPU.
+    atomic
+        Scatter with atomic additions, phase by phase: the way of a GPU.
+    native
+        The loops over nodes in native code: the way of a CPU.
+    """
+
+    def __init__(
+        self,
+        problem: PointProblem,
+        units: Units,
+        restart: Mapping[str, Array] | None,
+        engine: str,
+        *,
+        device: Any,
+        double: bool,
+        threads: int,
+        atomic: bool,
+        native: bool,
+    ) -> None:
+        self.units = units
+        self._device = device
+        self._threads = threads
+        self._atomic = atomic
+        self._count = len(problem.points)
+        self._host_real = np.float64 if double else np.float32
+        self._real = wp.float64 if double else wp.float32
+        used = np.unique(problem.points.material_ids)
+        kinds = frozenset(problem.materials[index].kind for index in used)
+        self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
+        self._kernels = make_kernels(double, kinds, self._averaged, atomic=atomic, native=native)
+        runtime.load(self._kernels.module, device)
+        self._fluids = np.array([material.kind == "fluid" for material in problem.materials])
+        self._types = algebra(self._real)
+        self._acting = Acting()
+        self._chunks = -(-self._count // at.SURVEY_CHUNK)
+        # Zeros, because rows of the chart are wider than what is written, and all of it is looked at.
+        self._chart = self._put(np.zeros(self._chunks * at.SURVEY_WIDTH), wp.float64)
+        self._meeting = self._put(np.zeros(BARRIER_WIDTH), wp.int32)
+        self._yield_address = runtime.yield_address()
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._capacity = 0
+        self._tables = self._kernels.tables()
+        self._tables.count = self._count
+        self._tables.materials = self._put(material_table(problem, units), wp.float64)
+        self._tables.report = self._put(np.zeros(REPORT_WIDTH), wp.int32)
+        self._tables.means = self._empty(1, self._types.vec2)
+        if restart is None:
+            self._load(Rows.at_rest(problem, units, self._host_real))
+            self.sort()
+            self._seed()
+        else:
+            rows = Rows.restored(restart, self._count, self._host_real, engine)
+            self._load(rows)
+            self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+
+    # ---- memory -----------------------------------------------------------------------------------------------------
+
+    def _put(self, host: Array, kind: Any) -> Any:
+        return wp.array(host, dtype=kind, device=self._device)
+
+    def _empty(self, size: int, kind: Any) -> Any:
+        return wp.empty(size, dtype=kind, device=self._device)
+
+    def _launch(self, kernel: Any, size: int, *inputs: Any) -> None:
+        wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device)
+
+    def _load(self, rows: Rows) -> None:
+        tables = self._tables
+        tables.x = self._put(rows.cells, wp.vec3d)
+        tables.points = self._put(rows.points.reshape(-1), self._real)
+        tables.labels = self._put(rows.labels.reshape(-1), wp.int32)
+        self._spare = (
+            self._empty(self._count, wp.vec3d),
+            self._empty(rows.points.size, self._real),
+            self._empty(rows.labels.size, wp.int32),
+        )
+        self._ids = rows.ids
+
+    def _rows(self) -> Rows:
+        """The rows as they are: on the CPU the very memory, on a GPU a copy."""
+        return Rows(
+            cells=self._tables.x.numpy(),
+            points=self._tables.points.numpy().reshape(-1, at.POINT_WIDTH),
+            labels=self._tables.labels.numpy().reshape(-1, at.LABEL_WIDTH),
+            ids=self._ids,
+        )
+
+    # ---- order ------------------------------------------------------------------------------------------------------
+
+    def sort(self) -> None:
+        """Put the points into the order of the cells they are in, on a grid that fits them.
+
+        Raises
+        ------
+        FarAwayError, GridTooLargeError
+            Where they have no cell, or the grid would be too large.
+        """
+        if not float(np.abs(self._tables.x.numpy()).max()) < _CELL_LIMIT:
+            raise FarAwayError
+        self._launch(self._kernels.settle, self._count)
+        order = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
+        self._launch(self._kernels.permute, self._count, self._put(order, wp.int32), *self._spare)
+        tables, spare = self._tables, self._spare
+        self._spare = (tables.x, tables.points, tables.labels)
+        tables.x, tables.points, tables.labels = spare
+        self._ids = self._ids[order]
+
+    def _tabulate(self, home: Array) -> Array:
+        """Fit the grid and the lists of blocks to the points' homes; returns the sorted order."""
+        found = arrange(home, _NODE_LIMIT)
+        tables = self._tables
+        tables.lower, tables.shape = wp.vec3i(*found.lower.tolist()), wp.vec3i(*found.shape.tolist())
+        tables.active, tables.active_count = self._put(found.active, wp.int32), len(found.active)
+        tables.tiles = self._put(found.tiles.reshape(-1), wp.int32)
+        tables.colours = self._put(found.colour_offsets, wp.int32)
+        nodes = int(np.prod(found.shape))
+        if nodes > self._capacity:
+            # Some room to grow into; what is never touched costs no memory.
+            self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
+            tables.grid = self._empty(self._capacity, self._types.vec4)
+            if self._averaged:
+                tables.means = self._empty(self._capacity, self._types.vec2)
+        return found.order
+
+    # ---- stepping ---------------------------------------------------------------------------------------------------
+
+    def _seed(self) -> None:
+        """Affine velocities that belong to the velocities, and the stress of the start.
+
+        Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
+        field that the velocities and the last C make together; the passes converge geometrically.
+        """
+        for _ in range(_SEEDING_PASSES):
+            self._scatter()
+            self._launch(self._kernels.settle_nodes, self._tables.active_count)
+            self._launch(self._kernels.learn_affine, self._count)
+        self._launch(self._kernels.strain, self._count)
+
+    def _scatter(self) -> None:
+        """Mass and momentum of the points on an empty grid."""
+        kernels, blocks = self._kernels, self._tables.active_count
+        if not self._atomic:
+            self._launch(kernels.scatter_in_order, 1, self._meeting)
+            return
+        self._launch(kernels.clear, blocks)
+        if self._averaged:
+            self._launch(kernels.average, self._count)
+            self._launch(kernels.divide, blocks)
+        self._launch(kernels.scatter_point, self._count)
+
+    def set_walls(self, lower: Array, upper: Array) -> None:
+        """Hold points and nodes within a box [m] from now on."""
+        self._acting.clamp = 1
+        self._acting.wall_low = wp.vec3d(*self.units.cells(lower).tolist())
+        self._acting.wall_high = wp.vec3d(*self.units.cells(upper).tolist())
+
+    def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
+        """Set what acts during the next steps.
+
+        Parameters
+        ----------
+        step
+            Of each of them [s].
+        gravity : (3,) [m/s^2]
+        colliders, winds
+            Rows.
+        drives : (steps, K, `layout.DRIVE_WIDTH`)
+            K rows for every step.
+        """
+        self._tables.step = step / self.units.time
+        acting = self._acting
+        acting.gravity = wp.vec3d(*(gravity * step / self.units.speed).tolist())
+        acting.colliders, acting.winds, acting.drives = len(colliders), len(winds), drives.shape[1]
+        rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
+        acting.forcing = self._put(rows, wp.float64)
+
+    def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
+        """Do steps first..end of the batch, or fewer where a point drifts too far from home.
+
+        Returns
+        -------
+        How many were done, whether a point drifted (it must be sorted before the next), whether the domain's edge
+        held a node or a point back.
+        """
+        self._tables.report.zero_()
+        if self._atomic:
+            done = self._steps_by_phase(first, end)
+        else:
+            self._steps_in_threads(first, end)
+            done = int(self._tables.report.numpy()[STEPS_DONE])
+        report = self._tables.report.numpy()
+        return done, bool(report[DRIFTED]), bool(report[CLAMPED])
+
+    def _steps_in_threads(self, first: int, end: int) -> None:
+        def share(worker: int) -> Any:
+            mine = [first, end - first, worker, self._threads, self._meeting, self._yield_address]
+            inputs = [self._tables, self._acting, *mine]
+            return wp.launch(self._kernels.steps, dim=1, inputs=inputs, device=self._device, record_cmd=True)
+
+        # Every share is made before the first begins: one that never came would leave the others waiting.
+        shares = [share(worker) for worker in range(self._threads)]
+        others = [self._pool.submit(each.launch) for each in shares[1:]] if self._pool else []
+        shares[0].launch()
+        for other in others:
+            other.result()
+
+    def _steps_by_phase(self, first: int, end: int) -> int:
+        for step in range(first, end):
+            self._scatter()
+            self._launch(self._kernels.update, self._tables.active_count, self._acting, step)
+            self._launch(self._kernels.move, self._count, self._acting)
+            if self._tables.report.numpy()[DRIFTED]:
+                return step - first + 1
+        return end - first
+
+    # ---- reading ----------------------------------------------------------------------------------------------------
+
+    def survey(self) -> Survey:
+        """Look at every point."""
+        self._launch(self._kernels.survey, self._chunks, self._chart)
+        return Survey.of(self._chart.numpy().reshape(-1, at.SURVEY_WIDTH), self.units)
+
+    def positions(self) -> Array:
+        """(N, 3) [m], in the given order."""
+        return self._rows().positions(self.units)
+
+    def velocities(self) -> Array:
+        """(N, 3) [m/s], in the given order."""
+        return self._rows().velocities(self.units)
+
+    def deformation_gradients(self) -> Array:
+        """(N, 3, 3), in the given order."""
+        return self._rows().deformation_gradients(self._fluids)
+
+    def checkpoint(self) -> dict[str, Array]:
+        """The state, in the engine's own order and units."""
+        return self._rows().checkpoint()
+
+    def push(self, members: Array, change: Array) -> None:
+        """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
+        points = self._rows().points
+        points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
+        if not self._device.is_cpu:
+            self._tables.points.assign(points.reshape(-1))
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()

@@ -1,0 +1,180 @@
+# ruff: noqa: SIM102 - an "if" of a constant has to stand alone.
+"""Materials: how F follows the velocity gradient L, what plasticity takes away, and the stress that results.
+
+Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), T the engine's unit of time. A new material is a branch here,
+a kind in the layout, a row in the material table and a type in the plugin's capabilities.
+"""
+
+# No `from __future__ import annotations`: Warp reads the types themselves.
+from functools import cache
+from typing import Any
+
+import warp as wp
+from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
+
+from gasp_warp_mpm.decompositions import algebra, make_decompositions
+
+__all__ = ["make_response"]
+
+
+@cache
+def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
+    """Warp function (F, L, gain, dt, materials, row) -> (F, gain, stress, dilation) for the kinds present.
+
+    With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it gives the
+    stress as things are.
+    """
+    real = wp.float64 if double else wp.float32
+    types = algebra(real)
+    vec3, mat33 = types.vec3, types.mat33
+    mat33d = wp.mat33d
+    functions, wide = make_decompositions(real), make_decompositions(wp.float64)
+    cofactors, determinant_with = functions.cofactors, functions.determinant_with
+    singular_columns, rotation_of = functions.singular_columns, functions.rotation_of
+    wide_cofactors, wide_determinant = wide.cofactors, wide.determinant_with
+    # Newton's iteration and Jacobi's: where half the square of a step, or a cosine, is below rounding.
+    polar_tolerance = real(1e-15 if double else 1e-7)
+    cosine = real(1e-15 if double else 1e-7)
+    zero, one, two, three, seven = (real(value) for value in (0.0, 1.0, 2.0, 3.0, 7.0))
+    twenty_one, thirty_five = real(21.0), real(35.0)
+    smallest_volume, smallest_stretch, tiny = real(0.05), real(1e-4), real(1e-30)
+    lowest, highest = real(-0.9), real(9.0)
+    countable, least_countable = wp.float64(1e-3), wp.float64(1e-12)
+    alone = len(kinds) == 1
+    names = ("elastic", "neo-hookean", "sand", "fluid")
+    has_elastic, has_neo_hookean, has_sand, has_fluid = (name in kinds for name in names)
+    is_elastic, is_neo_hookean, is_sand, is_fluid = (at.KINDS[name] for name in names)
+
+    @wp.func
+    def elastic(F: mat33, mu: real, lame: real):
+        """Fixed-corotated (Stomakhin et al. 2012): 2 mu (F - R) F^T + lambda J (J - 1) I."""
+        K = cofactors(F)
+        J = determinant_with(F, K)
+        R = rotation_of(F, K, J, polar_tolerance, cosine)
+        S = (two * mu) * ((F - R) @ wp.transpose(F))
+        pressure = lame * J * (J - one)
+        for d in range(3):
+            S[d, d] += pressure
+        return S, J - one
+
+    @wp.func
+    def neo_hookean(F: mat33, mu: real, lame: real):
+        """Compressible neo-Hookean: mu (F F^T - I) + lambda ln(max(J, 0.05)) I."""
+        J = determinant_with(F, cofactors(F))
+        S = mu * (F @ wp.transpose(F))
+        dilation = wp.log(wp.max(J, smallest_volume))
+        diagonal = lame * dilation - mu
+        for d in range(3):
+            S[d, d] += diagonal
+        return S, dilation
+
+    @wp.func
+    def volume_of(F: mat33):
+        """det F in float64."""
+        D = mat33d(F)
+        return wide_determinant(D, wide_cofactors(D))
+
+    @wp.func
+    def sand(F: mat33, gain: real, mu: real, lame: real, cone: real):
+        """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
+        B, V = singular_columns(F, cosine)
+        lengths = vec3()
+        e = vec3()
+        for c in range(3):
+            lengths[c] = wp.sqrt(B[0, c] * B[0, c] + B[1, c] * B[1, c] + B[2, c] * B[2, c])
+            e[c] = wp.log(wp.max(lengths[c], smallest_stretch))
+        volume = volume_of(F)
+        # The decomposition's rotations are rotations but for rounding, which changes the volume by as little, at every
+        # step in the same direction, and the volume gained adds it all up (2e-5 of the size in 500 float32 steps).
+        # In float32 the volume is therefore that of the determinant, and what rounding leaves out is kept on account.
+        if not double:
+            if volume > countable:
+                correction = (real(wp.log(volume)) - (e[0] + e[1] + e[2])) / three
+                e = e + vec3(correction)
+        G = F * one
+        new_gain = gain * one
+        if advance:
+            trace = e[0] + e[1] + e[2] + gain
+            yields = gain != zero
+            e = e + vec3(gain / three)
+            if trace >= zero:
+                e = vec3()
+                new_gain = trace
+                yields = True
+            else:
+                new_gain = zero
+                deviator = e - vec3(trace / three)
+                size = wp.length(deviator)
+                excess = size + (three * lame + two * mu) / (two * mu) * trace * cone
+                if excess > zero and size > zero:
+                    e = e - (excess / size) * deviator
+                    yields = True
+            if yields:
+                D = mat33()
+                for c in range(3):
+                    stretch = wp.exp(e[c]) / wp.max(lengths[c], tiny)
+                    for r in range(3):
+                        D[r, c] = B[r, c] * stretch
+                G = D @ wp.transpose(V)
+                if not double:
+                    if volume > countable:
+                        kept = wp.log(wp.max(volume_of(G), least_countable))
+                        new_gain = new_gain + real(wp.float64(e[0] + e[1] + e[2]) - kept)
+        U = mat33()
+        W = mat33()
+        total = e[0] + e[1] + e[2]
+        for c in range(3):
+            for r in range(3):
+                U[r, c] = B[r, c] / wp.max(lengths[c], tiny)
+                W[r, c] = U[r, c] * (two * mu * e[c] + lame * total)
+        return G, new_gain, W @ wp.transpose(U)
+
+    @wp.func
+    def fluid(L: mat33, before: real, dt: real, bulk: real, viscosity: real):
+        """Cole's equation of state without tension, and Newton's viscosity; s = J - 1."""
+        spread = wp.trace(L)
+        s = before * one
+        if advance:
+            s = s + dt * spread * (one + s)
+            s = wp.min(wp.max(s, lowest), highest)
+        J = one + s
+        J2 = J * J
+        J7 = J2 * J2 * J2 * J
+        # J^7 - 1 as a polynomial in s: the difference itself would have no digits left at the small s of a liquid.
+        rise = s * (
+            seven + s * (twenty_one + s * (thirty_five + s * (thirty_five + s * (twenty_one + s * (seven + s)))))
+        )
+        pressure = wp.max(-rise / J7 * bulk / seven, zero)
+        S = (J * viscosity) * (L + wp.transpose(L))
+        diagonal = -J * pressure - J * viscosity * (two * spread / three)
+        for d in range(3):
+            S[d, d] += diagonal
+        return s, S
+
+    @wp.func
+    def respond(F: mat33, L: mat33, gain: real, dt: real, materials: wp.array(dtype=wp.float64), row: int):
+        kind = int(materials[row + at.KIND])
+        mu = real(materials[row + at.SHEAR])
+        lame = real(materials[row + at.LAME])
+        G = F * one
+        if advance:
+            G = F + dt * (L @ F)
+        stress = mat33()
+        dilation = real(0.0)
+        new_gain = gain * one
+        if has_elastic:
+            if alone or kind == is_elastic:
+                stress, dilation = elastic(G, mu, lame)
+        if has_neo_hookean:
+            if alone or kind == is_neo_hookean:
+                stress, dilation = neo_hookean(G, mu, lame)
+        if has_sand:
+            if alone or kind == is_sand:
+                G, new_gain, stress = sand(G, gain, mu, lame, real(materials[row + at.CONE]))
+        if has_fluid:
+            if alone or kind == is_fluid:
+                G = F * one
+                new_gain, stress = fluid(L, gain, dt, lame, real(materials[row + at.VISCOSITY]))
+        return G, new_gain, stress, dilation
+
+    return respond

@@ -1,0 +1,50 @@
+"""Registers the engine; imports no backend, so that listing engines stays instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gasp_core.engine.contract import (
+    Determinism,
+    EngineCapabilities,
+    EngineDescriptor,
+    Field,
+    Precision,
+    Quantity,
+)
+from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
+from gasp_core.engine.hookspecs import hookimpl
+from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_warp_mpm.options import WarpOptions
+
+__all__ = ["gasp_point_engines"]
+
+
+@hookimpl
+def gasp_point_engines() -> Sequence[EngineDescriptor]:
+    """The one engine of this distribution."""
+    return [
+        EngineDescriptor(
+            name="warp-mpm",
+            summary="Explicit MLS-MPM in NVIDIA Warp: sorted points, coloured scatter; CPU and CUDA",
+            contract_version=(1, 0),
+            capabilities=EngineCapabilities(
+                materials=frozenset({Elastic, NeoHookean, Sand, Fluid}),
+                collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+                contact_conditions=frozenset(ContactCondition),
+                drives=frozenset({Pinned, Driven, Impulse}),
+                force_fields=frozenset({Wind}),
+                output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
+                conserved=frozenset({Quantity.MASS, Quantity.LINEAR_MOMENTUM, Quantity.ANGULAR_MOMENTUM}),
+                devices=("cpu", "cuda"),
+                precisions=(Precision.FLOAT32, Precision.FLOAT64),
+                determinism=Determinism.BITWISE,
+                domain_policies=frozenset(DomainPolicy),
+                temporal_order=2.0,
+                checkpoints=True,
+            ),
+            factory="gasp_warp_mpm.engine:WarpMpm",
+            options=WarpOptions,
+        )
+    ]

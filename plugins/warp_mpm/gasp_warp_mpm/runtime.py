@@ -1,0 +1,74 @@
+"""Warp, started quietly: standard output belongs to whoever runs us."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import warp
+
+from gasp_core.errors import EngineEnvironmentError, SceneError
+
+__all__ = ["device_for", "load", "processors", "yield_address"]
+
+_lock = threading.RLock()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence what Warp says of itself, for us alone: others in this process may want to read it."""
+    with _lock:
+        before = warp.config.log_level
+        warp.config.log_level = max(before, warp.LOG_WARNING)
+        try:
+            yield
+        finally:
+            warp.config.log_level = before
+
+
+def device_for(device: str) -> Any:
+    """Warp's device of this name, Warp being started where it is not yet.
+
+    Raises
+    ------
+    SceneError
+        For a device that is neither "cpu" nor "cuda".
+    EngineEnvironmentError
+        Where there is no CUDA GPU.
+    """
+    if device not in ("cpu", "cuda"):
+        raise SceneError(f'engine warp-mpm has no device {device!r}: use "cpu" or "cuda"')
+    with _quiet():
+        warp.init()
+        if device == "cuda" and not warp.is_cuda_available():
+            raise EngineEnvironmentError(
+                'engine warp-mpm: device "cuda" was asked for, but Warp finds no CUDA GPU here: use device "cpu",'
+                " or install a CUDA driver"
+            )
+        return warp.get_device(device)
+
+
+def load(module: Any, device: Any) -> None:
+    """Compile a module of kernels for a device, or take it from Warp's cache on disk."""
+    with _quiet():
+        warp.load_module(module, device=device)
+
+
+def processors() -> int:
+    """Number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+def yield_address() -> int:
+    """Address of the C function without arguments that gives a processor to whoever waits for it; 0 for none."""
+    library, name = (
+        (ctypes.windll.kernel32, "SwitchToThread") if os.name == "nt" else (ctypes.CDLL(None), "sched_yield")
+    )
+    function = getattr(library, name, None)
+    return 0 if function is None else int(ctypes.cast(function, ctypes.c_void_p).value or 0)

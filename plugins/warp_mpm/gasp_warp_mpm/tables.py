@@ -1,0 +1,57 @@
+"""What every kernel is given: one structure of arrays and numbers, in the engine's units.
+
+Rows of the arrays lie as `layout` says.
+"""
+
+# No `from __future__ import annotations`: Warp reads the types themselves.
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from gasp_warp_mpm.decompositions import algebra
+
+__all__ = ["Acting", "tables_of"]
+
+
+@wp.struct
+class Acting:
+    """What acts at grid nodes during a batch of steps."""
+
+    gravity: wp.vec3d
+    """Velocity gained in a step."""
+    clamp: int
+    wall_low: wp.vec3d
+    wall_high: wp.vec3d
+    colliders: int
+    winds: int
+    drives: int
+    """How many of each; drives have a copy for every step of the batch."""
+    forcing: wp.array(dtype=wp.float64)
+    """Rows of the colliders, the winds, the drives."""
+
+
+@cache
+def tables_of(real: Any) -> Any:
+    """The structure for wp.float32 or wp.float64; positions are float64 in both."""
+    types = algebra(real)
+
+    @wp.struct
+    class Tables:
+        x: wp.array(dtype=wp.vec3d)
+        points: wp.array(dtype=real)
+        labels: wp.array(dtype=wp.int32)
+        count: int
+        materials: wp.array(dtype=wp.float64)
+        step: wp.float64
+        grid: wp.array(dtype=types.vec4)
+        means: wp.array(dtype=types.vec2)
+        lower: wp.vec3i
+        shape: wp.vec3i
+        active: wp.array(dtype=wp.int32)
+        active_count: int
+        tiles: wp.array(dtype=wp.int32)
+        colours: wp.array(dtype=wp.int32)
+        report: wp.array(dtype=wp.int32)
+
+    return Tables

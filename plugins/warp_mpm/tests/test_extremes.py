@@ -1,0 +1,110 @@
+"""The extremes of verification.md, section 3."""
+
+import numpy as np
+import pytest
+
+from gasp_core.engine.contract import Status
+from gasp_core.engine.forcing import Collider
+from gasp_core.engine.materials import Elastic
+from gasp_core.engine.shapes import HalfSpace
+
+FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
+
+
+def drop(kit, material, *, speed=1.0, offset=(0.0, 0.0, 0.0), scale=1.0, duration=0.02, gravity=-9.81, **accuracy):
+    """A block thrown at the floor; positions relative to the offset, in units of the scale."""
+    offset = np.asarray(offset, dtype=float)
+    start = kit.block(0.4 * scale, corner=(0, 0, 0.01 * scale)) + offset
+    floor = Collider(shape=HalfSpace(point=tuple(offset), normal=(0, 0, 1)), friction=0.4)
+    problem = kit.problem(
+        start,
+        material,
+        velocity=(0, 0, -speed),
+        side=0.4 * scale,
+        colliders=(floor,),
+        gravity=(0, 0, gravity),
+    )
+    with kit.open(problem, spacing=0.1 * scale, **accuracy) as session:
+        report = session.advance_to(duration)
+        state = session.read(kit.everything)
+    return report, (state.positions - offset) / scale, state
+
+
+@pytest.mark.parametrize("modulus", [1e2, 1e5, 1e9])
+@pytest.mark.parametrize("poissons_ratio", [0.3, 0.499])
+def test_soft_to_stiff(kit, modulus, poissons_ratio):
+    material = Elastic(density=1000.0, youngs_modulus=modulus, poissons_ratio=poissons_ratio)
+    # As long as sound takes through the block a few times, but no longer than it takes to fly through the floor.
+    sound = np.sqrt(modulus / 1000)
+    report, positions, state = drop(kit, material, duration=min(0.05, 4 * 0.4 / sound))
+    assert report.status is Status.OK
+    assert np.isfinite(state.deformation_gradients).all()
+    # Contact acts at nodes: no point passes more than one cell below the floor.
+    assert positions[:, 2].min() >= -0.1
+    # What the start brought and gravity released, by how far the block has really fallen.
+    released = 0.5 * 1.0**2 + 9.81 * (kit.block(0.4, corner=(0, 0, 0.01)) - positions)[:, 2].mean()
+    assert 0.5 * (state.velocities**2).sum(axis=1).mean() <= 1.02 * released
+
+
+def test_ten_times_the_speed_of_sound(kit):
+    material = Elastic(density=1000.0, youngs_modulus=1e4, poissons_ratio=0.3)
+    report, positions, state = drop(kit, material, speed=10 * np.sqrt(10.0), duration=0.05)
+    assert report.status is Status.OK
+    assert np.isfinite(state.positions).all()
+    assert positions[:, 2].min() >= -0.1
+
+
+def test_an_offset_changes_nothing(kit):
+    """Positions of 1e4 m have an ulp of 1.8e-12 m, 4.5e-12 of the size; float32 engines may grow it to 1e-5."""
+    material = kit.materials["elastic"]
+    _, here, _ = drop(kit, material, duration=0.05)
+    _, there, _ = drop(kit, material, duration=0.05, offset=(1e4, -1e4, 1e4))
+    assert np.abs(here - there).max() / 0.4 <= 1e-5
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_a_scaled_scene_moves_alike(kit, scale):
+    """L -> s L, E -> s E, t -> sqrt(s) t at the same density and gravity (Froude and Cauchy numbers unchanged)."""
+    base = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
+    scaled = Elastic(density=1000.0, youngs_modulus=1e5 * scale, poissons_ratio=0.3)
+    _, one, _ = drop(kit, base, duration=0.05)
+    _, other, _ = drop(kit, scaled, duration=0.05 * np.sqrt(scale), speed=np.sqrt(scale), scale=scale)
+    assert np.abs(one - other).max() / 0.4 <= 1e-4
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("kind", ["elastic", "sand", "fluid"])
+def test_a_few_coincident_points_fall_freely(kit, kind, count):
+    problem = kit.problem(np.zeros((count, 3)), kit.materials[kind], velocity=(1, 0, 2))
+    with kit.open(problem, precision="float64", spacing=0.1, substep=1e-3) as session:
+        report = session.advance_to(0.5)
+        state = session.read(kit.everything)
+    assert report.status is Status.OK
+    # Symplectic Euler adds g t dt / 2 to the parabola, exactly.
+    expected = np.array([0.5, 0, 1.0]) + np.array([0, 0, -9.81]) * (0.5**2 + 0.5 * 1e-3) / 2
+    assert np.abs(state.positions - expected).max() <= 1e-11
+    assert np.ptp(state.positions, axis=0).max() <= 1e-15
+
+
+def test_a_duplicated_cloud_moves_as_the_original(kit):
+    """Twice the points, each of half the volume, at the same places."""
+    start = kit.block(corner=(0, 0, 0.01))
+    results = []
+    for copies in (1, 2):
+        problem = kit.problem(
+            np.tile(start, (copies, 1)), kit.materials["elastic"], velocity=(0, 0, -1), colliders=(FLOOR,)
+        )
+        with kit.open(problem, precision="float64", spacing=0.1) as session:
+            session.advance_to(0.05)
+            results.append(session.read(kit.everything).positions)
+    assert np.abs(results[1].reshape(2, -1, 3) - results[0]).max() <= 1e-10
+
+
+def test_inverted_points_recover_or_are_reported(kit):
+    """A block crushed by its own speed to a tenth: finite, and what was inverted is said."""
+    material = Elastic(density=1000.0, youngs_modulus=1e3, poissons_ratio=0.1)
+    report, _, state = drop(kit, material, speed=20.0, duration=0.1)
+    assert report.status is Status.OK
+    assert np.isfinite(state.deformation_gradients).all()
+    inverted = (np.linalg.det(state.deformation_gradients) <= 0).sum()
+    assert (inverted == 0) or any("inverted" in warning for warning in report.warnings)
