@@ -4,8 +4,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-OWN := . plugins/reference_mpm plugins/taichi_mpm plugins/renderer plugins/viewer conformance_tests
-NAMES := gasp-core gasp-reference-mpm gasp-taichi-mpm gasp-renderer gasp-viewer gasp-conformance
+OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/renderer plugins/viewer conformance_tests
+NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-renderer gasp-viewer gasp-conformance
 GASP_DATA ?= ../shared/data
 export GASP_DATA
 export ENABLE_TAICHI_HEADER_PRINT := 0

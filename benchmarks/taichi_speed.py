@@ -59,8 +59,8 @@ def main() -> None:
     arguments = parser.parse_args()
 
     begin = time.perf_counter()
+    from gasp_mpm_host.options import ThreadOptions
     from gasp_taichi_mpm.engine import TaichiMpm
-    from gasp_taichi_mpm.options import TaichiOptions
 
     print(f"import {time.perf_counter() - begin:.2f} s")
     problem = jittered_cube(arguments.points_per_axis, arguments.material)
@@ -72,7 +72,7 @@ def main() -> None:
             problem,
             precision=Precision(arguments.precision),
             accuracy=EngineAccuracy(spacing=SPACING, substep=STEP, substep_limit=10**6),
-            options=TaichiOptions(threads=threads),
+            options=ThreadOptions(threads=threads),
         )
         opened = time.perf_counter() - begin
         begin = time.perf_counter()

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.cells import COLOURS, arrange
+from gasp_mpm_host.rows import Rows, Survey
+from gasp_mpm_host.scaling import Units, material_table
+from gasp_mpm_host.session import FarAwayError
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.mpm import averaged_lame
-from gasp_core.errors import SceneError
-from gasp_taichi_mpm import layout as at
-from gasp_taichi_mpm.cells import COLOURS, arrange
+from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
 from gasp_taichi_mpm.memory import Memory
-from gasp_taichi_mpm.scaling import Units, material_table
 
-__all__ = ["Cloud", "FarAwayError", "Survey"]
+__all__ = ["Cloud"]
 
 Array = NDArray[Any]
 
@@ -27,37 +27,6 @@ _NODE_LIMIT = 2**28
 _SEEDING_PASSES = 16
 _CELL_LIMIT = 2.0**30
 """Cells from the anchor, so that integer cells never overflow."""
-
-
-class FarAwayError(Exception):
-    """A point is too many cells away to be given a cell."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Survey:
-    """What the next step depends on, in SI units.
-
-    Parameters
-    ----------
-    finite
-        Whether every velocity, position and deformation gradient is.
-    stress
-        Smallest stable step at the points' present stretch [s].
-    speed, velocity_gradient
-        Largest |v| [m/s] and |C| [1/s].
-    inverted
-        Points whose deformation gradient has a determinant <= 0.
-    low, high : (3,) [m]
-        The points' bounding box.
-    """
-
-    finite: bool
-    stress: float
-    speed: float
-    velocity_gradient: float
-    inverted: int
-    low: Array
-    high: Array
 
 
 class Cloud:
@@ -69,25 +38,28 @@ class Cloud:
         What is simulated.
     units
         The engine's units.
+    restart
+        Arrays as `checkpoint` gave them, or None.
+    engine
+        Its name, for messages.
     double
         float64 throughout; positions are float64 in any case.
     threads
         Processors to use.
     on_gpu
         Run on the GPU.
-    restart
-        Arrays as `checkpoint` gave them.
     """
 
     def __init__(
         self,
         problem: PointProblem,
         units: Units,
+        restart: Mapping[str, Array] | None,
+        engine: str,
         *,
         double: bool,
         threads: int,
         on_gpu: bool,
-        restart: Mapping[str, Array] | None,
     ) -> None:
         self.units = units
         self.real = np.float64 if double else np.float32
@@ -98,32 +70,28 @@ class Cloud:
         kinds = frozenset(problem.materials[index].kind for index in used)
         self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
         self._kernels = make_kernels(double, kinds, threads, on_gpu, self._averaged)
-        self._fluid = np.array([material.kind == "fluid" for material in problem.materials])
+        self._fluids = np.array([material.kind == "fluid" for material in problem.materials])
         self._materials = self._memory.put(material_table(problem, units))
-        self._control = np.zeros(at.CONTROL_WIDTH, dtype=np.int32)
-        self._control[at.POINTS] = self.count
-        self._batch = np.zeros(at.BATCH_WIDTH)
+        self._control = np.zeros(words.CONTROL_WIDTH, dtype=np.int32)
+        self._control[words.POINTS] = self.count
+        self._batch = np.zeros(words.BATCH_WIDTH)
         self._grid: Any = None
         self._means: Any = self._memory.empty((1, 2), self.real)
         self._capacity = 0
         chunks = -(-self.count // at.SURVEY_CHUNK)
         self._chart = self._memory.put(np.zeros(chunks * at.SURVEY_WIDTH))
-        self._report = self._memory.put(np.zeros(at.REPORT_WIDTH, dtype=np.int32))
+        self._report = self._memory.put(np.zeros(words.REPORT_WIDTH, dtype=np.int32))
         if restart is None:
-            self._begin(problem)
+            self._load(Rows.at_rest(problem, units, self.real))
+            self.sort()
+            self._seed()
         else:
-            self._resume(restart)
+            rows = Rows.restored(restart, self.count, self.real, engine)
+            self._load(rows)
+            self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
 
-    def _begin(self, problem: PointProblem) -> None:
-        rows = np.zeros((self.count, at.POINT_WIDTH), dtype=self.real)
-        rows[:, at.VELOCITY : at.VELOCITY + 3] = problem.points.initial_velocities / self.units.speed
-        rows[:, at.MASS] = problem.masses / self.units.mass
-        rows[:, [at.DEFORMATION, at.DEFORMATION + 4, at.DEFORMATION + 8]] = 1
-        labels = np.zeros((self.count, at.LABEL_WIDTH), dtype=np.int32)
-        labels[:, at.MATERIAL] = problem.points.material_ids
-        self.ids = np.arange(self.count, dtype=np.int32)
-        self._load(self.units.cells(problem.points.reference_positions), rows, labels)
-        self.sort()
+    def _seed(self) -> None:
+        """Affine velocities that belong to the velocities, and the stress of the start."""
         # Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
         # field that the velocities and the last C make together; the passes converge geometrically.
         self._batch_argument = self._memory.put(self._batch)
@@ -150,52 +118,22 @@ class Cloud:
         for colour in range(COLOURS):
             kernels.scatter_colour(*cloud, self._grid, self._means, self._tiles, *laws, colour)
 
-    def _load(self, cells: Array, rows: Array, labels: Array) -> None:
+    def _load(self, rows: Rows) -> None:
         put, empty = self._memory.put, self._memory.empty
-        self._x, self._x_spare = put(cells), empty(cells.shape, np.float64)
-        self._points, self._points_spare = put(rows.reshape(-1)), empty((rows.size,), self.real)
-        self._labels, self._labels_spare = put(labels.reshape(-1)), empty((labels.size,), np.int32)
+        self._x, self._x_spare = put(rows.cells), empty(rows.cells.shape, np.float64)
+        self._points, self._points_spare = put(rows.points.reshape(-1)), empty((rows.points.size,), self.real)
+        self._labels, self._labels_spare = put(rows.labels.reshape(-1)), empty((rows.labels.size,), np.int32)
+        self._ids = rows.ids
 
-    def _resume(self, restart: Mapping[str, Array]) -> None:
-        shapes = {
-            "cells": (self.count, 3),
-            "rows": (self.count, at.POINT_WIDTH),
-            "labels": (self.count, at.LABEL_WIDTH),
-            "ids": (self.count,),
-            "layout": (),
-        }
-        for name, shape in shapes.items():
-            found = np.shape(restart[name]) if name in restart else None
-            if found != shape:
-                raise SceneError(
-                    f"taichi-mpm: checkpoint array {name!r} has shape {found}, expected {shape}:"
-                    " the checkpoint belongs to another scene, engine or version; start without it"
-                )
-        if restart["layout"] != at.LAYOUT:
-            raise SceneError(
-                f"taichi-mpm: the checkpoint has layout {restart['layout']}, this version reads {at.LAYOUT}:"
-                " go on with the version that wrote it, or start without it"
-            )
-        if restart["rows"].dtype != self.real:
-            raise SceneError(
-                f"taichi-mpm: the checkpoint holds {restart['rows'].dtype}, the session was opened in"
-                f" {np.dtype(self.real)}: resume with the precision the run was started with"
-            )
-        self.ids = np.array(restart["ids"], dtype=np.int32)
-        labels = np.array(restart["labels"], dtype=np.int32)
-        self._load(np.asarray(restart["cells"], dtype=np.float64), np.asarray(restart["rows"]), labels)
-        self._tabulate(labels[:, at.HOME : at.HOME + 3])
-
-    def checkpoint(self) -> dict[str, Array]:
-        """The state, in the engine's own order and units, so that a resumed run is equal bit for bit."""
+    def _rows(self) -> Rows:
+        """The rows as they are: on the CPU the very memory, on a GPU a copy."""
         get = self._memory.get
-        return {
-            "cells": get(self._x).copy(),
-            "rows": get(self._points).reshape(-1, at.POINT_WIDTH).copy(),
-            "labels": get(self._labels).reshape(-1, at.LABEL_WIDTH).copy(),
-            "ids": self.ids.copy(),
-            "layout": np.array(at.LAYOUT),
-        }
+        return Rows(
+            cells=get(self._x),
+            points=get(self._points).reshape(-1, at.POINT_WIDTH),
+            labels=get(self._labels).reshape(-1, at.LABEL_WIDTH),
+            ids=self._ids,
+        )
 
     def _put_control(self) -> Any:
         return self._memory.put(self._control) if self._memory.on_gpu else self._control
@@ -211,8 +149,7 @@ class Cloud:
         if not float(np.abs(self._memory.get(self._x)).max()) < _CELL_LIMIT:
             raise FarAwayError
         self._kernels.settle(self._x, self._labels, self._put_control())
-        home = self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)[:, at.HOME : at.HOME + 3]
-        order = self._tabulate(home)
+        order = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
         self._kernels.permute(
             self._memory.put(order),
             self._put_control(),
@@ -226,15 +163,15 @@ class Cloud:
         self._x, self._x_spare = self._x_spare, self._x
         self._points, self._points_spare = self._points_spare, self._points
         self._labels, self._labels_spare = self._labels_spare, self._labels
-        self.ids = self.ids[order]
+        self._ids = self._ids[order]
 
     def _tabulate(self, home: Array) -> Array:
         """Fit the grid and the lists of blocks to the points' homes; returns the sorted order."""
         tables = arrange(home, _NODE_LIMIT)
-        self._control[at.LOWER : at.LOWER + 3] = tables.lower
-        self._control[at.SHAPE : at.SHAPE + 3] = tables.shape
-        self._control[at.ACTIVE] = len(tables.active)
-        self._control[at.COLOURS_AT : at.COLOURS_AT + 9] = tables.colour_offsets
+        self._control[words.LOWER : words.LOWER + 3] = tables.lower
+        self._control[words.SHAPE : words.SHAPE + 3] = tables.shape
+        self._control[words.ACTIVE] = len(tables.active)
+        self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = tables.colour_offsets
         self._tiles = self._memory.put(tables.tiles.reshape(-1))
         self._active = self._memory.put(tables.active)
         nodes = int(np.prod(tables.shape))
@@ -250,91 +187,73 @@ class Cloud:
 
     def set_walls(self, lower: Array, upper: Array) -> None:
         """Hold points and nodes within a box [m] from now on."""
-        self._control[at.CLAMP] = 1
-        self._batch[at.WALL_LOW : at.WALL_LOW + 3] = self.units.cells(lower)
-        self._batch[at.WALL_HIGH : at.WALL_HIGH + 3] = self.units.cells(upper)
+        self._control[words.CLAMP] = 1
+        self._batch[words.WALL_LOW : words.WALL_LOW + 3] = self.units.cells(lower)
+        self._batch[words.WALL_HIGH : words.WALL_HIGH + 3] = self.units.cells(upper)
 
-    def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, drive_count: int
-    ) -> None:
-        """Set what acts during the next steps of `step` [s] each; `drives` holds `drive_count` rows for every step."""
-        self._batch[at.STEP] = step / self.units.time
-        self._batch[at.GRAVITY : at.GRAVITY + 3] = gravity * step / self.units.speed
-        self._control[at.COLLIDERS] = len(colliders)
-        self._control[at.WINDS] = len(winds)
-        self._control[at.DRIVES] = drive_count
+    def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
+        """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows."""
+        self._batch[words.STEP] = step / self.units.time
+        self._batch[words.GRAVITY : words.GRAVITY + 3] = gravity * step / self.units.speed
+        self._control[words.COLLIDERS] = len(colliders)
+        self._control[words.WINDS] = len(winds)
+        self._control[words.DRIVES] = drives.shape[1]
         rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
         self._forcing = self._memory.put(rows)
         self._batch_argument = self._memory.put(self._batch) if self._memory.on_gpu else self._batch
 
-    def steps(self, first: int, end: int) -> tuple[int, bool, int]:
+    def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
         """Do steps first..end of the batch, or fewer where a point drifts too far from home.
 
         Returns
         -------
-        How many were done, whether a point drifted (it must be sorted before the next), how often the domain's edge
+        How many were done, whether a point drifted (it must be sorted before the next), whether the domain's edge
         held a node or a point back.
         """
-        self._memory.write(self._report, np.zeros(at.REPORT_WIDTH, dtype=np.int32))
+        self._memory.write(self._report, np.zeros(words.REPORT_WIDTH, dtype=np.int32))
         control, moved = self._put_control(), (self._x, self._points, self._labels, self._grid)
         acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
         done = 0
         if self._serial:
             self._kernels.steps_in_thread(*moved, self._means, self._tiles, self._active, *acting, first, end - first)
-            done = int(self._report[at.STEPS_DONE])
+            done = int(self._report[words.STEPS_DONE])
         else:
             for step in range(first, end):
                 self._scatter(control)
                 self._kernels.update_and_move(*moved, self._active, *acting, step)
                 done += 1
-                if self._memory.get(self._report)[at.DRIFTED]:
+                if self._memory.get(self._report)[words.DRIFTED]:
                     break
         report = self._memory.get(self._report)
-        return done, bool(report[at.DRIFTED]), int(report[at.CLAMPED])
+        return done, bool(report[words.DRIFTED]), bool(report[words.CLAMPED])
 
     def survey(self) -> Survey:
         """Look at every point."""
         self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._chart)
-        chart = self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH)
-        stiffness = float(chart[:, at.SURVEY_STIFFNESS].max())
-        return Survey(
-            # Chunks report maxima of finite points alone; an overflow of the maxima themselves is not finite either.
-            finite=not chart[:, at.SURVEY_BAD].any() and bool(np.isfinite(chart).all()),
-            stress=1 / math.sqrt(stiffness) if stiffness > 0 else math.inf,
-            speed=math.sqrt(float(chart[:, at.SURVEY_SPEED].max())) * self.units.speed,
-            velocity_gradient=math.sqrt(float(chart[:, at.SURVEY_GRADIENT].max())) / self.units.time,
-            inverted=int(chart[:, at.SURVEY_INVERTED].sum()),
-            low=self.units.world(chart[:, at.SURVEY_LOW : at.SURVEY_LOW + 3].min(axis=0)),
-            high=self.units.world(chart[:, at.SURVEY_HIGH : at.SURVEY_HIGH + 3].max(axis=0)),
-        )
-
-    def _restored(self, values: Array) -> Array:
-        """Rows in the order in which the points were given, owned."""
-        given = np.empty(values.shape, dtype=np.float64)
-        given[self.ids] = values
-        return given
+        return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def positions(self) -> Array:
-        """(N, 3) [m] in the given order."""
-        return self._restored(self.units.world(self._memory.get(self._x)))
+        """(N, 3) [m], in the given order."""
+        return self._rows().positions(self.units)
 
     def velocities(self) -> Array:
-        """(N, 3) [m/s] in the given order."""
-        rows = self._memory.get(self._points).reshape(-1, at.POINT_WIDTH)
-        return self._restored(rows[:, at.VELOCITY : at.VELOCITY + 3].astype(np.float64) * self.units.speed)
+        """(N, 3) [m/s], in the given order."""
+        return self._rows().velocities(self.units)
 
     def deformation_gradients(self) -> Array:
-        """(N, 3, 3) in the given order."""
-        rows = self._memory.get(self._points).reshape(-1, at.POINT_WIDTH)
-        F = rows[:, at.DEFORMATION : at.DEFORMATION + 9].astype(np.float64).reshape(-1, 3, 3)
-        material = self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)[:, at.MATERIAL]
-        fluid = self._fluid[material]
-        F[fluid] = np.cbrt(1 + rows[fluid, at.HISTORY].astype(np.float64))[:, None, None] * np.eye(3)
-        return self._restored(F)
+        """(N, 3, 3), in the given order."""
+        return self._rows().deformation_gradients(self._fluids)
+
+    def checkpoint(self) -> dict[str, Array]:
+        """The state, in the engine's own order and units."""
+        return self._rows().checkpoint()
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
-        rows = self._memory.get(self._points).reshape(-1, at.POINT_WIDTH)
-        rows[members[self.ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(self.real)
-        if self._memory.on_gpu:
-            self._memory.write(self._points, rows.reshape(-1))
+        points = self._rows().points
+        points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(self.real)
+        self._memory.write(self._points, points.reshape(-1))
+
+    def close(self) -> None:
+        """Leave Taichi to whoever else uses it."""
+        runtime.release()

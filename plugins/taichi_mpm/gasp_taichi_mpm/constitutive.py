@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from gasp_taichi_mpm import layout as at
+from gasp_mpm_host import layout as at
+
 from gasp_taichi_mpm.decompositions import cofactors, determinant_with, proper_frames, rotation_of, singular_columns
 from gasp_taichi_mpm.runtime import taichi as ti
 

@@ -4,7 +4,9 @@ All of it is float64 in every precision: only active nodes are visited, a node's
 origin needs the digits, and a velocity that gravity has changed is rounded once.
 """
 
-from gasp_taichi_mpm import layout as at
+from gasp_mpm_host import layout as at
+
+from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
 __all__ = ["constrain"]
@@ -85,8 +87,8 @@ def constrain(
     """
     u = v
     row = 0
-    colliders_end = control[at.COLLIDERS] * at.COLLIDER_WIDTH
-    winds_end = colliders_end + control[at.WINDS] * at.WIND_WIDTH
+    colliders_end = control[words.COLLIDERS] * at.COLLIDER_WIDTH
+    winds_end = colliders_end + control[words.WINDS] * at.WIND_WIDTH
     row = colliders_end
     while row < winds_end:
         if _distance(forcing, row, node) <= 0.0:
@@ -94,8 +96,8 @@ def constrain(
             air = _triple(forcing, row + 8)
             u = (u + rate * air) / (1.0 + rate)
         row += at.WIND_WIDTH
-    row = winds_end + drive_set * control[at.DRIVES] * at.DRIVE_WIDTH
-    drives_end = row + control[at.DRIVES] * at.DRIVE_WIDTH
+    row = winds_end + drive_set * control[words.DRIVES] * at.DRIVE_WIDTH
+    drives_end = row + control[words.DRIVES] * at.DRIVE_WIDTH
     while row < drives_end:
         arm = node - _triple(forcing, row + 11)
         back = ti.Vector(
@@ -126,14 +128,14 @@ def constrain(
                 if friction > 0 and speed > 0:
                     u = u * ti.max(0, 1 + friction * along / speed)
         row += at.COLLIDER_WIDTH
-    if control[at.CLAMP] == 1:
+    if control[words.CLAMP] == 1:
         free = u
         for d in ti.static(range(3)):
-            if node[d] <= batch[at.WALL_LOW + d] + ti.f64(1e-3):
+            if node[d] <= batch[words.WALL_LOW + d] + ti.f64(1e-3):
                 u[d] = ti.max(u[d], 0)
-            if node[d] >= batch[at.WALL_HIGH + d] - ti.f64(1e-3):
+            if node[d] >= batch[words.WALL_HIGH + d] - ti.f64(1e-3):
                 u[d] = ti.min(u[d], 0)
         # Beyond rounding: matter that glides along the edge is not held by it.
         if (u - free).norm() > 1e-6 * free.norm():
-            ti.atomic_add(report[at.CLAMPED], 1)
+            ti.atomic_add(report[words.CLAMPED], 1)
     return u

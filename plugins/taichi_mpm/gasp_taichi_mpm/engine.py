@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
+from gasp_mpm_host.options import ThreadOptions
+from gasp_mpm_host.session import MpmSession
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_taichi_mpm import runtime
-from gasp_taichi_mpm.options import TaichiOptions
-from gasp_taichi_mpm.session import TaichiSession
+from gasp_taichi_mpm.cloud import Cloud
 
 __all__ = ["TaichiMpm"]
-
-_ENOUGH_POINTS = 20_000
-"""Below this, handing loops to a pool of threads costs more than it gains."""
 
 
 class TaichiMpm:
@@ -30,9 +29,9 @@ class TaichiMpm:
         precision: Precision = Precision.FLOAT32,
         seed: int = 0,
         accuracy: EngineAccuracy | None = None,
-        options: TaichiOptions | None = None,
+        options: ThreadOptions | None = None,
         restart: Mapping[str, NDArray[Any]] | None = None,
-    ) -> TaichiSession:
+    ) -> MpmSession:
         """Open a session; nothing here is random, so `seed` changes nothing.
 
         Raises
@@ -43,20 +42,17 @@ class TaichiMpm:
             For a GPU that is not there.
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
-        options = TaichiOptions() if options is None else options
+        options = ThreadOptions() if options is None else options
         refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
-        available = runtime.processors()
-        threads = options.threads or (available if len(problem.points) >= _ENOUGH_POINTS else 1)
+        build = partial(
+            Cloud,
+            double=precision is Precision.FLOAT64,
+            threads=options.threads_for(len(problem.points)),
+            on_gpu=device == "cuda",
+        )
         runtime.acquire(device)
         try:
-            return TaichiSession(
-                problem,
-                accuracy=accuracy,
-                double=precision is Precision.FLOAT64,
-                threads=min(threads, available),
-                on_gpu=device == "cuda",
-                restart=restart,
-            )
+            return MpmSession(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
         except BaseException:
             runtime.release()
             raise

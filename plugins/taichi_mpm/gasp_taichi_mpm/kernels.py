@@ -13,8 +13,10 @@ So is the grid: where matter rests under stress the pulls on a node round alike 
 from functools import cache
 from types import SimpleNamespace
 
+from gasp_mpm_host import layout as at
+
 from gasp_core.engine.mpm import GRADIENT_SHARE
-from gasp_taichi_mpm import layout as at
+from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
 from gasp_taichi_mpm.contact import constrain
 from gasp_taichi_mpm.runtime import taichi as ti
@@ -79,12 +81,12 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         base = ti.floor(place - 0.5)
         offset = ti.cast(place - base, real)
         cell = ti.cast(base, ti.i32)
-        sy = control[at.SHAPE + 2]
-        sx = control[at.SHAPE + 1] * sy
+        sy = control[words.SHAPE + 2]
+        sx = control[words.SHAPE + 1] * sy
         first = (
-            (cell[0] - control[at.LOWER]) * sx
-            + (cell[1] - control[at.LOWER + 1]) * sy
-            + (cell[2] - control[at.LOWER + 2])
+            (cell[0] - control[words.LOWER]) * sx
+            + (cell[1] - control[words.LOWER + 1]) * sy
+            + (cell[2] - control[words.LOWER + 2])
         )
         return offset, first, sx, sy
 
@@ -185,7 +187,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             pressure = mean_pressure(points, labels, materials, means, w, first, sx, sy, p)
             for axis in ti.static(range(3)):
                 S[axis, axis] += pressure
-        S *= ti.cast(batch[at.STEP], real)
+        S *= ti.cast(batch[words.STEP], real)
         A = row9(points, o + at.AFFINE) - real(1 - GRADIENT_SHARE) * S
         u = row3(points, o + at.VELOCITY) - A @ offset
         S *= real(-GRADIENT_SHARE / 4) * m
@@ -288,7 +290,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     ):
         """Grid to point, then F, the return mapping and the stress that the next scatter reads."""
         v, C, L = gather(x, grid, control, p)
-        dt = ti.cast(batch[at.STEP], real)
+        dt = ti.cast(batch[words.STEP], real)
         o = p * at.POINT_WIDTH
         F = row9(points, o + at.DEFORMATION)
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
@@ -299,20 +301,20 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         points[o + at.HISTORY] = history
         for d in ti.static(range(3)):
             points[o + at.VELOCITY + d] = v[d]
-        place = x[p] + batch[at.STEP] * ti.cast(v, ti.f64)
-        if control[at.CLAMP] == 1:
+        place = x[p] + batch[words.STEP] * ti.cast(v, ti.f64)
+        if control[words.CLAMP] == 1:
             held = 0
             for d in ti.static(range(3)):
-                if place[d] < batch[at.WALL_LOW + d]:
-                    place[d] = batch[at.WALL_LOW + d]
+                if place[d] < batch[words.WALL_LOW + d]:
+                    place[d] = batch[words.WALL_LOW + d]
                     points[o + at.VELOCITY + d] = ti.max(v[d], real(0.0))
                     held = 1
-                elif place[d] > batch[at.WALL_HIGH + d]:
-                    place[d] = batch[at.WALL_HIGH + d]
+                elif place[d] > batch[words.WALL_HIGH + d]:
+                    place[d] = batch[words.WALL_HIGH + d]
                     points[o + at.VELOCITY + d] = ti.min(v[d], real(0.0))
                     held = 1
             if held == 1:
-                ti.atomic_add(report[at.CLAMPED], 1)
+                ti.atomic_add(report[words.CLAMPED], 1)
         x[p] = place
         # Written so that NaN fails it: a point that is nowhere must not be scattered either.
         near = True
@@ -320,20 +322,25 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
             drift = place[d] - 0.5 - ti.cast(labels[p * at.LABEL_WIDTH + at.HOME + d], ti.f64)
             near = near and drift >= -1.0 and drift < 2.0
         if not near:
-            report[at.DRIFTED] = 1
+            report[words.DRIFTED] = 1
 
     @ti.func
     def block_corner(control: ti.template(), block):
-        by = control[at.SHAPE + 1] // 4
-        bz = control[at.SHAPE + 2] // 4
+        by = control[words.SHAPE + 1] // 4
+        bz = control[words.SHAPE + 2] // 4
         return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
+
+    @ti.func
+    def line_of(control: ti.template(), corner, i, j):
+        """The first of four nodes along z."""
+        return ((corner[0] + i) * control[words.SHAPE + 1] + corner[1] + j) * control[words.SHAPE + 2] + corner[2]
 
     @ti.func
     def clear_block(grid: ti.template(), means: ti.template(), active: ti.template(), control: ti.template(), q):
         corner = block_corner(control, active[q])
         for i in range(4):
             for j in range(4):
-                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                line = line_of(control, corner, i, j)
                 for k in ti.static(range(4)):
                     grid[line + k] = node4(0)
                     if ti.static(averaged):
@@ -345,7 +352,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         corner = block_corner(control, active[q])
         for i in range(4):
             for j in range(4):
-                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                line = line_of(control, corner, i, j)
                 for k in range(4):
                     total = means[line + k]
                     if total[1] > least_mass:
@@ -366,16 +373,16 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     ):
         """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
         corner = block_corner(control, active[q])
-        kick = ti.Vector([batch[at.GRAVITY], batch[at.GRAVITY + 1], batch[at.GRAVITY + 2]])
+        kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
         for i in range(4):
             for j in range(4):
-                line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2] + corner[2]
+                line = line_of(control, corner, i, j)
                 for k in range(4):
                     g = grid[line + k]
                     v = kick * 0
                     if g[3] > least_mass:
                         u = ti.Vector([g[0], g[1], g[2]]) / g[3] + kick
-                        node = ti.Vector([control[at.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
+                        node = ti.Vector([control[words.LOWER + d] for d in range(3)]) + corner + ti.Vector([i, j, k])
                         place = ti.cast(node, ti.f64)
                         v = constrain(u, place, batch, forcing, control, report, drive_set)
                     grid[line + k] = node4(v[0], v[1], v[2], 0)
@@ -400,29 +407,29 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         """Up to `count` steps in the calling thread; stops after one that leaves a point too far from home."""
         ti.loop_config(serialize=True)
         for step in range(count):
-            if report[at.DRIFTED] == 0:
-                for q in range(control[at.ACTIVE]):
+            if report[words.DRIFTED] == 0:
+                for q in range(control[words.ACTIVE]):
                     clear_block(grid, means, active, control, q)
                 if ti.static(averaged):
-                    for q in range(control[at.COLOURS_AT + 8]):
+                    for q in range(control[words.COLOURS_AT + 8]):
                         for p in range(tiles[2 * q], tiles[2 * q + 1]):
                             scatter_dilation(x, points, labels, materials, means, control, p)
-                    for q in range(control[at.ACTIVE]):
+                    for q in range(control[words.ACTIVE]):
                         divide_block(means, active, control, q)
-                for q in range(control[at.COLOURS_AT + 8]):
+                for q in range(control[words.COLOURS_AT + 8]):
                     for p in range(tiles[2 * q], tiles[2 * q + 1]):
                         scatter(x, points, labels, grid, means, materials, batch, control, p)
-                for q in range(control[at.ACTIVE]):
+                for q in range(control[words.ACTIVE]):
                     update_block(grid, active, batch, forcing, control, report, first + step, q)
-                for p in range(control[at.POINTS]):
+                for p in range(control[words.POINTS]):
                     move_point(x, points, labels, grid, materials, batch, control, report, p)
-                report[at.STEPS_DONE] += 1
+                report[words.STEPS_DONE] += 1
 
     @ti.kernel
     def clear(grid: Grid, means: Means, active: Ints, control: Ints):
         """Empty the nodes that points can reach."""
         ti.loop_config(parallelize=pool)
-        for q in range(control[at.ACTIVE]):
+        for q in range(control[words.ACTIVE]):
             clear_block(grid, means, active, control, q)
 
     @ti.kernel
@@ -443,7 +450,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         A launch a colour, because eight copies of the loop in one kernel take four times as long to compile.
         """
         ti.loop_config(parallelize=pool)
-        for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
+        for q in range(control[words.COLOURS_AT + colour], control[words.COLOURS_AT + colour + 1]):
             for p in range(tiles[2 * q], tiles[2 * q + 1]):
                 scatter(x, points, labels, grid, means, materials, batch, control, p)
 
@@ -459,7 +466,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
         control: Ints,
     ):
         """Points to the grid, a point a thread (GPU)."""
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             scatter(x, points, labels, grid, means, materials, batch, control, p)
 
     @ti.kernel
@@ -475,21 +482,21 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     ):
         """Dilations to the grid, as `scatter_colour`."""
         ti.loop_config(parallelize=pool)
-        for q in range(control[at.COLOURS_AT + colour], control[at.COLOURS_AT + colour + 1]):
+        for q in range(control[words.COLOURS_AT + colour], control[words.COLOURS_AT + colour + 1]):
             for p in range(tiles[2 * q], tiles[2 * q + 1]):
                 scatter_dilation(x, points, labels, materials, means, control, p)
 
     @ti.kernel
     def average_atomically(x: Positions, points: Reals, labels: Ints, means: Means, materials: Doubles, control: Ints):
         """Dilations to the grid, a point a thread (GPU)."""
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             scatter_dilation(x, points, labels, materials, means, control, p)
 
     @ti.kernel
     def divide(means: Means, active: Ints, control: Ints):
         """Sums of dilations to means."""
         ti.loop_config(parallelize=pool)
-        for q in range(control[at.ACTIVE]):
+        for q in range(control[words.ACTIVE]):
             divide_block(means, active, control, q)
 
     @ti.kernel
@@ -508,17 +515,17 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     ):
         """The rest of step number `step` of the batch."""
         ti.loop_config(parallelize=pool)
-        for q in range(control[at.ACTIVE]):
+        for q in range(control[words.ACTIVE]):
             update_block(grid, active, batch, forcing, control, report, step, q)
         ti.loop_config(parallelize=pool)
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             move_point(x, points, labels, grid, materials, batch, control, report, p)
 
     @ti.kernel
     def strain(points: Reals, labels: Ints, materials: Doubles, control: Ints):
         """The stress that belongs to the points as they are, their velocity gradient taken for C."""
         ti.loop_config(serialize=serial, parallelize=pool)
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             o = p * at.POINT_WIDTH
             L = row9(points, o + at.AFFINE)
             F = row9(points, o + at.DEFORMATION)
@@ -530,19 +537,19 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     def learn_affine(x: Positions, points: Reals, grid: Grid, active: Ints, control: Ints):
         """C of the velocity field that was scattered; nothing moves and nothing deforms."""
         ti.loop_config(serialize=serial, parallelize=pool)
-        for q in range(control[at.ACTIVE]):
+        for q in range(control[words.ACTIVE]):
             corner = block_corner(control, active[q])
             for i in range(4):
                 for j in range(4):
-                    line = ((corner[0] + i) * control[at.SHAPE + 1] + corner[1] + j) * control[at.SHAPE + 2]
+                    line = line_of(control, corner, i, j)
                     for k in range(4):
-                        g = grid[line + corner[2] + k]
+                        g = grid[line + k]
                         v = node4(0)
                         if g[3] > least_mass:
                             v = g / g[3]
-                        grid[line + corner[2] + k] = v
+                        grid[line + k] = v
         ti.loop_config(serialize=serial, parallelize=pool)
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             _v, C, _L = gather(x, grid, control, p)
             write9(points, p * at.POINT_WIDTH + at.AFFINE, C)
 
@@ -550,7 +557,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     def settle(x: Positions, labels: Ints, control: Ints):
         """Give every point the cell it is in as its home."""
         ti.loop_config(serialize=serial, parallelize=pool)
-        for p in range(control[at.POINTS]):
+        for p in range(control[words.POINTS]):
             cell = ti.cast(ti.floor(x[p] - 0.5), ti.i32)
             for d in ti.static(range(3)):
                 labels[p * at.LABEL_WIDTH + at.HOME + d] = cell[d]
@@ -568,7 +575,7 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     ):
         """Rows in a new order."""
         ti.loop_config(serialize=serial, parallelize=pool)
-        for q in range(control[at.POINTS]):
+        for q in range(control[words.POINTS]):
             p = order[q]
             x_new[q] = x[p]
             for c in range(at.POINT_WIDTH):
@@ -580,12 +587,12 @@ def make_kernels(double: bool, kinds: frozenset[str], threads: int, on_gpu: bool
     def survey(x: Positions, points: Reals, labels: Ints, materials: Doubles, control: Ints, result: Doubles):
         """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
         ti.loop_config(serialize=serial, parallelize=pool)
-        for chunk in range((control[at.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
+        for chunk in range((control[words.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
             stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
             bad, inverted = 0, 0
             begin = chunk * at.SURVEY_CHUNK
             low, high = x[begin], x[begin]
-            for p in range(begin, ti.min(begin + at.SURVEY_CHUNK, control[at.POINTS])):
+            for p in range(begin, ti.min(begin + at.SURVEY_CHUNK, control[words.POINTS])):
                 o = p * at.POINT_WIDTH
                 v = ti.cast(row3(points, o + at.VELOCITY), ti.f64)
                 C = ti.cast(row9(points, o + at.AFFINE), ti.f64)

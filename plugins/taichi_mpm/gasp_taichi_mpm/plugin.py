@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gasp_mpm_host.options import ThreadOptions
+
 from gasp_core.engine.contract import (
     Determinism,
     EngineCapabilities,
@@ -16,7 +18,6 @@ from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Imp
 from gasp_core.engine.hookspecs import hookimpl
 from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_taichi_mpm.options import TaichiOptions
 
 __all__ = ["gasp_point_engines"]
 
@@ -45,6 +46,6 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 checkpoints=True,
             ),
             factory="gasp_taichi_mpm.engine:TaichiMpm",
-            options=TaichiOptions,
+            options=ThreadOptions,
         )
     ]

@@ -14,9 +14,11 @@ import threading
 import warnings
 from typing import Any
 
+from gasp_mpm_host.options import processors
+
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
-__all__ = ["acquire", "processors", "release", "taichi"]
+__all__ = ["acquire", "release", "taichi"]
 
 _BANNER = "ENABLE_TAICHI_HEADER_PRINT"
 
@@ -43,13 +45,6 @@ taichi = _import_quietly()
 _lock = threading.Lock()
 _open_sessions = 0
 _device: str | None = None
-
-
-def processors() -> int:
-    """Number of processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
 
 
 def _initialise(device: str) -> None:

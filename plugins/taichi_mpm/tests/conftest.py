@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gasp_taichi_mpm import runtime
+from gasp_mpm_host import options
+from gasp_mpm_host.options import ThreadOptions
 from gasp_taichi_mpm.engine import TaichiMpm
-from gasp_taichi_mpm.options import TaichiOptions
 from hypothesis import settings
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision
@@ -65,7 +65,7 @@ def open_session(scene, *, precision="float32", threads=1, restart=None, **accur
         precision=Precision(precision),
         seed=0,
         accuracy=EngineAccuracy(**accuracy),
-        options=TaichiOptions(threads=threads),
+        options=ThreadOptions(threads=threads),
         restart=restart,
     )
 
@@ -83,4 +83,4 @@ TRACERS = {Field.TRACER_POSITIONS}
 @pytest.fixture
 def pool_of_four(monkeypatch):
     """Let up to four threads be asked for, whatever the machine has."""
-    monkeypatch.setattr(runtime, "processors", lambda: 4)
+    monkeypatch.setattr(options, "processors", lambda: 4)

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
+from gasp_mpm_host.options import ThreadOptions
+from gasp_mpm_host.session import MpmSession
 from gasp_taichi_mpm import runtime
+from gasp_taichi_mpm.cloud import Cloud
 from gasp_taichi_mpm.engine import TaichiMpm
-from gasp_taichi_mpm.options import TaichiOptions
-from gasp_taichi_mpm.session import TaichiSession
 
 from gasp_core.engine.contract import EngineAccuracy, Field, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Impulse, Pinned
@@ -124,7 +126,7 @@ def test_a_point_far_from_home_is_sorted_before_it_is_scattered(kit):
     with kit.open(problem, spacing=0.02) as session:
         cloud = session._cloud
         step = 1.5 * 0.02 / 2.0  # one and a half cells
-        cloud.begin_batch(step, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((20, 0, 32)), 0)
+        cloud.begin_batch(step, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((20, 0, 32)))
         done, drifted, _ = cloud.steps(0, 20)
         assert drifted
         assert done == 1
@@ -136,7 +138,7 @@ def test_nan_is_found_and_named(kit):
     with kit.open(falling(kit), spacing=0.1) as session:
         session.advance_to(0.01)
         row = 7
-        session._cloud._points.reshape(-1, 32)[np.flatnonzero(session._cloud.ids == row)[0], 0] = np.nan
+        session._cloud._points.reshape(-1, 32)[np.flatnonzero(session._cloud._ids == row)[0], 0] = np.nan
         report = session.advance_to(0.02)
         assert report.status is Status.NON_FINITE
         assert f"first {row}" in report.warnings[0]
@@ -149,7 +151,7 @@ def test_nan_in_mid_batch_neither_crashes_nor_passes(kit):
         session._cloud._points.reshape(-1, 32)[100, 14] = np.inf
         problem_step = 1e-4
         session._cloud.begin_batch(
-            problem_step, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((20, 0, 32)), 0
+            problem_step, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((20, 0, 32))
         )
         done, drifted, _ = session._cloud.steps(0, 20)
         assert drifted
@@ -306,7 +308,8 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
         expected = session.read(kit.everything)
     runtime.acquire("cpu")
     accuracy = EngineAccuracy(spacing=0.1)
-    with TaichiSession(problem, accuracy=accuracy, double=True, threads=1, on_gpu=True, restart=None) as session:
+    build = partial(Cloud, double=True, threads=1, on_gpu=True)
+    with MpmSession(problem, engine="taichi-mpm", accuracy=accuracy, build=build) as session:
         session.advance_to(0.05)
         found = session.read(kit.everything)
         kept = session.checkpoint()
@@ -318,7 +321,7 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
 @pytest.mark.parametrize("threads", [-1, 1.5, True])
 def test_bad_options_are_refused(threads):
     with pytest.raises(SceneError, match="threads"):
-        TaichiOptions(threads=threads)
+        ThreadOptions(threads=threads)
 
 
 def test_an_unsolicited_word_is_never_printed():

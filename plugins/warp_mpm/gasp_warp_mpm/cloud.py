@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.cells import arrange  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.scaling import Units, material_table  # backend-free; moves to the shared host package
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.cells import arrange
+from gasp_mpm_host.rows import Rows, Survey
+from gasp_mpm_host.scaling import Units, material_table
+from gasp_mpm_host.session import FarAwayError
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
@@ -19,8 +21,6 @@ from gasp_warp_mpm import runtime
 from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import CLAMPED, DRIFTED, REPORT_WIDTH, STEPS_DONE, make_kernels
-from gasp_warp_mpm.rows import Rows, Survey
-from gasp_warp_mpm.session import FarAwayError
 from gasp_warp_mpm.tables import Acting
 
 __all__ = ["Cloud"]

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 import warp as wp
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
+from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.decompositions import algebra, make_decompositions
 

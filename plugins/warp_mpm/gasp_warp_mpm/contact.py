@@ -7,7 +7,7 @@ origin needs the digits, and a velocity that gravity has changed is rounded once
 
 # No `from __future__ import annotations`: Warp reads the types themselves.
 import warp as wp
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
+from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.tables import Acting
 

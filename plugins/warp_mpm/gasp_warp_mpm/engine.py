@@ -6,19 +6,16 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from gasp_mpm_host.options import ThreadOptions
+from gasp_mpm_host.session import MpmSession
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
-from gasp_warp_mpm.options import WarpOptions
-from gasp_warp_mpm.session import MpmSession
 
 __all__ = ["WarpMpm"]
-
-_ENOUGH_POINTS = 20_000
-"""Below this, threads wait for each other longer than they work."""
 
 
 class WarpMpm:
@@ -32,7 +29,7 @@ class WarpMpm:
         precision: Precision = Precision.FLOAT32,
         seed: int = 0,
         accuracy: EngineAccuracy | None = None,
-        options: WarpOptions | None = None,
+        options: ThreadOptions | None = None,
         restart: Mapping[str, NDArray[Any]] | None = None,
     ) -> MpmSession:
         """Open a session; nothing here is random, so `seed` changes nothing.
@@ -45,16 +42,14 @@ class WarpMpm:
             For a GPU that is not there.
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
-        options = WarpOptions() if options is None else options
+        options = ThreadOptions() if options is None else options
         refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
         on_gpu = device == "cuda"
-        available = runtime.processors()
-        threads = options.threads or (available if len(problem.points) >= _ENOUGH_POINTS else 1)
         build = partial(
             Cloud,
             device=runtime.device_for(device),
             double=precision is Precision.FLOAT64,
-            threads=1 if on_gpu else min(threads, available),
+            threads=1 if on_gpu else options.threads_for(len(problem.points)),
             atomic=on_gpu,
             native=not on_gpu,
         )

@@ -15,8 +15,8 @@ from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.cells import COLOURS  # backend-free; moves to the shared host package
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.cells import COLOURS
 
 from gasp_core.engine.mpm import GRADIENT_SHARE
 from gasp_warp_mpm.barrier import wait_for_all

@@ -13,7 +13,7 @@ import warp
 
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
-__all__ = ["device_for", "load", "processors", "yield_address"]
+__all__ = ["device_for", "load", "yield_address"]
 
 _lock = threading.RLock()
 
@@ -56,13 +56,6 @@ def load(module: Any, device: Any) -> None:
     """Compile a module of kernels for a device, or take it from Warp's cache on disk."""
     with _quiet():
         warp.load_module(module, device=device)
-
-
-def processors() -> int:
-    """Number of processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
 
 
 def yield_address() -> int:

@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 import pytest
+from gasp_mpm_host.session import MpmSession
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
-from gasp_warp_mpm.session import MpmSession
 
 from gasp_core.engine.contract import EngineAccuracy, Status
 from gasp_core.engine.forcing import Collider

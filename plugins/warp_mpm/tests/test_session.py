@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 import pytest
 import warp as wp
-from gasp_taichi_mpm import layout as at
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.options import ThreadOptions
+from gasp_mpm_host.session import MpmSession
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 from gasp_warp_mpm.engine import WarpMpm
-from gasp_warp_mpm.options import WarpOptions
-from gasp_warp_mpm.session import MpmSession
 
 from gasp_core.engine.contract import EngineAccuracy, Field, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Impulse, Pinned
@@ -96,7 +96,7 @@ def test_specialisations_in_one_process_do_not_disturb_each_other(kit):
 @pytest.mark.parametrize("threads", [-1, 1.5, True])
 def test_bad_options_are_refused(threads):
     with pytest.raises(SceneError, match="threads"):
-        WarpOptions(threads=threads)
+        ThreadOptions(threads=threads)
 
 
 @pytest.mark.parametrize("material", ["elastic", "rubber"])

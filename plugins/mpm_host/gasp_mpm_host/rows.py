@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.scaling import Units  # backend-free; moves to the shared host package
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
 from gasp_core.errors import SceneError
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.scaling import Units
 
 __all__ = ["Rows", "Survey"]
 

@@ -1,7 +1,4 @@
-"""Where things lie in the flat arrays that kernels share with the host.
-
-Few arrays rather than many: every argument of a kernel costs some ten microseconds a launch.
-"""
+"""Where things lie in the flat arrays that kernels share with the host: rows of points, of what acts, of a survey."""
 
 from __future__ import annotations
 
@@ -28,32 +25,6 @@ LAYOUT = 2
 MATERIAL = 0
 HOME = 1
 LABEL_WIDTH = 4
-
-# The control words.
-LOWER = 0
-SHAPE = 3
-POINTS = 6
-ACTIVE = 7
-COLLIDERS = 8
-WINDS = 9
-DRIVES = 10
-CLAMP = 11
-COLOURS_AT = 12
-"""Nine offsets into the list of tiles."""
-CONTROL_WIDTH = 24
-
-# What kernels report.
-DRIFTED = 0
-STEPS_DONE = 1
-CLAMPED = 2
-REPORT_WIDTH = 4
-
-# The batch's numbers, float64.
-STEP = 0
-GRAVITY = 1
-WALL_LOW = 4
-WALL_HIGH = 7
-BATCH_WIDTH = 10
 
 # One shape: kind, then two vectors.
 PLANE = 0

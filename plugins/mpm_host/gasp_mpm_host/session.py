@@ -11,16 +11,6 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
-from gasp_taichi_mpm import layout as at  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.cells import GridTooLargeError  # backend-free; moves to the shared host package
-from gasp_taichi_mpm.forcing_tables import (  # backend-free; moves to the shared host package
-    active_drives,
-    active_winds,
-    collider_rows,
-    drive_rows,
-    wind_rows,
-)
-from gasp_taichi_mpm.scaling import Units  # backend-free; moves to the shared host package
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
@@ -34,7 +24,17 @@ from gasp_core.engine.stability import (
     substeps_to,
 )
 from gasp_core.errors import SceneError
-from gasp_warp_mpm.rows import Survey
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.cells import GridTooLargeError
+from gasp_mpm_host.forcing_tables import (
+    active_drives,
+    active_winds,
+    collider_rows,
+    drive_rows,
+    wind_rows,
+)
+from gasp_mpm_host.rows import Survey
+from gasp_mpm_host.scaling import Units
 
 __all__ = ["FarAwayError", "MpmSession", "SteppedCloud"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gasp_taichi_mpm.cells import BLOCK, COLOURS, GridTooLargeError, arrange
+from gasp_mpm_host.cells import BLOCK, COLOURS, GridTooLargeError, arrange
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Collider, ContactCondition, Drive, Driven, Impulse, Side, Wind
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_taichi_mpm import layout as at
-from gasp_taichi_mpm.scaling import Units
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.scaling import Units
 
 __all__ = ["active_drives", "active_winds", "collider_rows", "drive_rows", "wind_rows"]
 

@@ -19,7 +19,7 @@ from gasp_core.engine.lattice import grid_node
 from gasp_core.engine.materials import Fluid, Foam, Material, Metal, Plasticine, Sand, Snow
 from gasp_core.engine.mpm import averaged_lame
 from gasp_core.engine.stability import rest_bound
-from gasp_taichi_mpm import layout as at
+from gasp_mpm_host import layout as at
 
 __all__ = ["Units", "material_table"]
 

@@ -1,0 +1,1 @@
+"""What explicit MPM engines share that needs no backend."""

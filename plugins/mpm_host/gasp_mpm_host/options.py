@@ -1,0 +1,43 @@
+"""What engines that step in threads let their users choose."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from gasp_core.errors import SceneError
+
+__all__ = ["ThreadOptions", "processors"]
+
+_ENOUGH_POINTS = 20_000
+"""Below this, threads wait for each other longer than they work."""
+
+
+def processors() -> int:
+    """Number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadOptions:
+    """Options of an engine that steps in threads.
+
+    Parameters
+    ----------
+    threads
+        Processors to use on the CPU, with the same results bit for bit for any number; 0 for all of them, or one
+        where the cloud is too small to gain from more.
+    """
+
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        if type(self.threads) is not int or self.threads < 0:
+            raise SceneError(f"ThreadOptions.threads must be a whole number >= 0, found {self.threads!r}")
+
+    def threads_for(self, points: int) -> int:
+        """Threads for a cloud of so many points on this machine."""
+        available = processors()
+        return min(self.threads or (available if points >= _ENOUGH_POINTS else 1), available)
