@@ -14,7 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "COLOURS", "CellTables", "GridTooLargeError", "arrange", "grid_box"]
+__all__ = [
+    "BLOCK",
+    "COLOURS",
+    "CellTables",
+    "GridTooLargeError",
+    "arrange",
+    "blocks_in_reach",
+    "cell_keys",
+    "grid_box",
+    "stable_order",
+]
 
 Array = NDArray[Any]
 
@@ -59,8 +69,8 @@ class CellTables:
     active: Array
 
 
-def grid_box(low: Array, high: Array, limit: int) -> tuple[Array, Array]:
-    """First node and shape of a grid for home cells low..high, both (3,) integers.
+def grid_box(low: Array, high: Array, limit: int, margin: int = 0) -> tuple[Array, Array]:
+    """First node and shape of a grid for home cells low..high, both (3,) integers, and `margin` blocks around it.
 
     Raises
     ------
@@ -69,14 +79,15 @@ def grid_box(low: Array, high: Array, limit: int) -> tuple[Array, Array]:
     """
     lower = (np.asarray(low, dtype=np.int64) - 1) // BLOCK * BLOCK
     # A stencil spans 3 nodes and a point may have drifted by one cell either way: nodes low - 1 .. high + 3.
-    shape = ((np.asarray(high, dtype=np.int64) + 3 - lower) // BLOCK + 1) * BLOCK
+    shape = ((np.asarray(high, dtype=np.int64) + 3 - lower) // BLOCK + 1) * BLOCK + 2 * margin * BLOCK
+    lower -= margin * BLOCK
     nodes = int(shape[0]) * int(shape[1]) * int(shape[2])
     if nodes > limit:
         raise GridTooLargeError(nodes)
     return lower, shape
 
 
-def _stable_order(keys: Array) -> Array:
+def stable_order(keys: Array) -> Array:
     """Stable argsort of non-negative int32 keys by two passes over 16 bits, for which NumPy has a radix sort."""
     order = np.argsort((keys & 0xFFFF).astype(np.uint16), kind="stable")
     if keys.size and int(keys.max()) > 0xFFFF:
@@ -84,20 +95,35 @@ def _stable_order(keys: Array) -> Array:
     return order.astype(np.int32)
 
 
-def arrange(home: Array, limit: int) -> CellTables:
-    """Tables for points with home cells (N, 3) int32, on a grid that fits them.
+def cell_keys(home: Array, lower: Array, blocks: Array) -> Array:
+    """Numbers (N,) of home cells (N, 3) on a grid of `blocks` (3,) from `lower` (3,): by block, then within it."""
+    x, y, z = (home[:, axis] - np.int32(lower[axis]) for axis in range(3))
+    block = ((x >> 2) * np.int32(blocks[1]) + (y >> 2)) * np.int32(blocks[2]) + (z >> 2)
+    return block * np.int32(64) + ((x & 3) * np.int32(16) + (y & 3) * np.int32(4) + (z & 3))
+
+
+def blocks_in_reach(keys: Array, blocks: Array) -> Array:
+    """Blocks (8, K), some of them the same, that hold the nodes in reach of points whose homes have these keys (K,)."""
+    node = np.stack(np.unravel_index(keys >> 6, blocks), axis=1) * BLOCK
+    node += np.stack([keys >> 4 & 3, keys >> 2 & 3, keys & 3], axis=1)
+    # The five nodes -1 .. 3 of an axis lie in at most two blocks: those of its two ends.
+    ends = (node - 1) // BLOCK, (node + 3) // BLOCK
+    corners = ([ends[bits >> axis & 1][:, axis] for axis in range(3)] for bits in range(8))
+    return np.stack([(bx * blocks[1] + by) * blocks[2] + bz for bx, by, bz in corners])
+
+
+def arrange(home: Array, limit: int, margin: int = 0) -> CellTables:
+    """Tables for points with home cells (N, 3) int32, on a grid that fits them and `margin` blocks around them.
 
     Raises
     ------
     GridTooLargeError
         Where the grid would have more than `limit` nodes.
     """
-    lower, shape = grid_box(home.min(axis=0), home.max(axis=0), limit)
+    lower, shape = grid_box(home.min(axis=0), home.max(axis=0), limit, margin)
     blocks = shape // BLOCK
-    x, y, z = (home[:, axis] - np.int32(lower[axis]) for axis in range(3))
-    block = ((x >> 2) * np.int32(blocks[1]) + (y >> 2)) * np.int32(blocks[2]) + (z >> 2)
-    keys = block * np.int32(64) + ((x & 3) * np.int32(16) + (y & 3) * np.int32(4) + (z & 3))
-    order = _stable_order(keys)
+    keys = cell_keys(home, lower, blocks)
+    order = stable_order(keys)
     keys = keys[order]
 
     first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
@@ -114,14 +140,8 @@ def arrange(home: Array, limit: int) -> CellTables:
     tiles = np.stack([begin, end], axis=1)[by_colour].astype(np.int32)
     offsets = np.searchsorted(colour[by_colour], np.arange(COLOURS + 1)).astype(np.int32)
 
-    node = np.stack(np.unravel_index(cells >> 6, blocks), axis=1) * BLOCK
-    node += np.stack([cells >> 4 & 3, cells >> 2 & 3, cells & 3], axis=1)
     reached = np.zeros(int(np.prod(blocks)), dtype=np.bool_)
-    # The five nodes -1 .. 3 of an axis lie in at most two blocks: those of its two ends.
-    near, far = (node - 1) // BLOCK, (node + 3) // BLOCK
-    for corner_bits in range(8):
-        bx, by, bz = ((far if corner_bits >> axis & 1 else near)[:, axis] for axis in range(3))
-        reached[(bx * blocks[1] + by) * blocks[2] + bz] = True
+    reached[blocks_in_reach(cells, blocks)] = True
     return CellTables(
         lower=lower,
         shape=shape,

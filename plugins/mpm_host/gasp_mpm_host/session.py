@@ -91,6 +91,10 @@ class SteppedCloud(Protocol):
         """(N, 3, 3), in the given order."""
         ...
 
+    def tracer_positions(self) -> Array:
+        """(M, 3) [m], in the given order; none where the scene has none."""
+        ...
+
     def checkpoint(self) -> dict[str, Array]:
         """The state, for a restart."""
         ...
@@ -362,11 +366,13 @@ class MpmSession:
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, float64, owned."""
         cloud = self._living()
+        traced = self._problem.points.tracer_positions is not None and Field.TRACER_POSITIONS in fields
         return PointState(
             time=self._time,
             positions=cloud.positions(),
             velocities=cloud.velocities() if Field.VELOCITIES in fields else None,
             deformation_gradients=cloud.deformation_gradients() if Field.DEFORMATION_GRADIENTS in fields else None,
+            tracer_positions=cloud.tracer_positions() if traced else None,
         )
 
     def checkpoint(self) -> Mapping[str, Array]:

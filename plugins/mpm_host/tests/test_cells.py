@@ -67,3 +67,12 @@ def test_more_than_65536_cells_are_sorted_too():
 def test_a_grid_beyond_the_limit_is_refused():
     with pytest.raises(GridTooLargeError):
         arrange(np.array([[0, 0, 0], [2000, 2000, 2000]], dtype=np.int32), 2**28)
+
+
+@given(HOMES, st.integers(0, 2))
+def test_a_margin_is_around_the_grid_and_changes_no_order(home, margin):
+    plain, wide = arrange(home, 2**28), arrange(home, 2**28, margin)
+    assert np.array_equal(wide.lower, plain.lower - margin * BLOCK)
+    assert np.array_equal(wide.shape, plain.shape + 2 * margin * BLOCK)
+    assert np.array_equal(wide.order, plain.order)
+    assert np.array_equal(wide.tiles, plain.tiles)
