@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_core.errors import SceneError
 from gasp_reference_mpm.lattice import grid_excess, grid_origin
@@ -52,10 +52,11 @@ class ReferenceMpm:
             raise SceneError(excess)
         origin = grid_origin(problem, spacing)
         matter = matter_of(problem)
-        time, motion = (0.0, None) if restart is None else _restored(restart, len(problem.points))
+        time, motion = (0.0, None) if restart is None else _restored(restart, problem.points)
         if motion is None:
             positions = problem.points.reference_positions - origin
             velocities = problem.points.initial_velocities
+            tracers = problem.points.tracer_positions
             affine = seeded_affine_velocities(positions, spacing, matter.masses, velocities)
             motion = Motion(
                 positions=positions,
@@ -64,11 +65,13 @@ class ReferenceMpm:
                 velocity_gradients=affine,
                 deformations=np.tile(np.eye(3), (len(positions), 1, 1)),
                 history=np.zeros(len(positions)),
+                tracers=np.zeros((0, 3)) if tracers is None else tracers - origin,
             )
         return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time)
 
 
-def _restored(checkpoint: Mapping[str, Array], count: int) -> tuple[float, Motion]:
+def _restored(checkpoint: Mapping[str, Array], points: PointCloud) -> tuple[float, Motion]:
+    count = len(points)
     shapes = {
         "positions": (count, 3),
         "velocities": (count, 3),
@@ -76,6 +79,7 @@ def _restored(checkpoint: Mapping[str, Array], count: int) -> tuple[float, Motio
         "velocity_gradients": (count, 3, 3),
         "deformations": (count, 3, 3),
         "history": (count,),
+        "tracers": np.shape(np.zeros((0, 3)) if points.tracer_positions is None else points.tracer_positions),
     }
     for name, shape in {"time": (), **shapes}.items():
         found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"

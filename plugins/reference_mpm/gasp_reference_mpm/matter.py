@@ -60,6 +60,8 @@ class Motion:
     history : (N,)
         What matter remembers of its flow beside F. Sand: the logarithm of the volume ratio it gained while loose. Snow:
         ln J_P. Metal and plasticine: equivalent plastic strain. Nothing else remembers anything.
+    tracers : (M, 3) [m]
+        Massless points that are carried along.
     """
 
     positions: Array
@@ -68,6 +70,7 @@ class Motion:
     velocity_gradients: Array
     deformations: Array
     history: Array
+    tracers: Array
 
 
 def matter_of(problem: PointProblem) -> Matter:

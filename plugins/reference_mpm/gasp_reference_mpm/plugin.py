@@ -28,13 +28,14 @@ CAPABILITIES = EngineCapabilities(
     contact_conditions=frozenset(ContactCondition),
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
-    output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
+    output_fields=frozenset(Field),
     conserved=frozenset({Quantity.MASS, Quantity.LINEAR_MOMENTUM, Quantity.ANGULAR_MOMENTUM}),
     devices=("cpu",),
     precisions=(Precision.FLOAT64,),
     determinism=Determinism.BITWISE,
     domain_policies=frozenset({DomainPolicy.EXPAND, DomainPolicy.STOP, DomainPolicy.CLAMP}),
     temporal_order=2.0,
+    carries_tracers=True,
     checkpoints=True,
 )
 

@@ -123,11 +123,13 @@ class ReferenceSession:
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
         motion = self._living()
+        traced = Field.TRACER_POSITIONS in fields and self._problem.points.tracer_positions is not None
         return PointState(
             time=self._time,
             positions=motion.positions + self._origin,
             velocities=motion.velocities.copy() if Field.VELOCITIES in fields else None,
             deformation_gradients=motion.deformations.copy() if Field.DEFORMATION_GRADIENTS in fields else None,
+            tracer_positions=motion.tracers + self._origin if traced else None,
         )
 
     def checkpoint(self) -> Mapping[str, Array]:
@@ -141,6 +143,7 @@ class ReferenceSession:
             "velocity_gradients": motion.velocity_gradients.copy(),
             "deformations": motion.deformations.copy(),
             "history": motion.history.copy(),
+            "tracers": motion.tracers.copy(),
         }
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import DomainPolicy
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
 from gasp_reference_mpm.matter import Matter, Motion, deformed, kirchhoff_stress
-from gasp_reference_mpm.transfer import gather, reaching, scatter, stencil_around
+from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
 
 __all__ = ["seeded_affine_velocities", "substep"]
 
@@ -49,6 +49,12 @@ def substep(
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, history = deformed(matter, motion, velocity_gradients, step)
+    carrying = carried(stencil, spacing, grid.nodes, velocities, motion.tracers)
+    tracers = motion.tracers + step * carrying
+    if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
+        # One that nothing moves may stay outside.
+        inside = np.clip(tracers, problem.domain.lower - origin, problem.domain.upper - origin)
+        tracers = np.where(carrying.any(axis=1)[:, None], inside, tracers)
     moved = Motion(
         positions=motion.positions + step * point_velocities,
         velocities=point_velocities,
@@ -56,6 +62,7 @@ def substep(
         velocity_gradients=velocity_gradients,
         deformations=deformations,
         history=history,
+        tracers=tracers,
     )
     return moved, held_back
 

@@ -20,6 +20,7 @@ from gasp_core.engine.mpm import GRADIENT_SHARE
 __all__ = [
     "GridMomentum",
     "Stencil",
+    "carried",
     "gather",
     "inverse_inertia",
     "local_means",
@@ -85,22 +86,32 @@ def inverse_inertia(spacing: float) -> float:
     return 4.0 / spacing**2
 
 
-def stencil_around(positions: Array, spacing: float) -> Stencil:
-    """Nodes, weights and arms of points at `positions` (N, 3) [m], nodes being the multiples of `spacing` [m]."""
-    cells = positions / spacing
+def _splines(cells: Array) -> tuple[Array, Array, Array]:
+    """First node (N, 3), offset from it (N, 3) and B-spline values along each axis (N, 3, 3) at places in cells."""
     base = np.floor(cells - 0.5).astype(np.int64)
     offset = cells - base  # in [1/2, 3/2): the middle node of the three is the nearest one
-    along = np.stack([0.5 * (1.5 - offset) ** 2, 0.75 - (offset - 1.0) ** 2, 0.5 * (offset - 0.5) ** 2], axis=1)
+    return base, offset, np.stack([0.5 * (1.5 - offset) ** 2, 0.75 - (offset - 1) ** 2, 0.5 * (offset - 0.5) ** 2], 1)
+
+
+def _products(along: Array) -> Array:
+    """Weights (N, 27) of the nodes from those along each axis (N, 3, 3)."""
+    i, j, k = _NEIGHBOURS.T
+    return along[:, i, 0] * along[:, j, 1] * along[:, k, 2]
+
+
+def stencil_around(positions: Array, spacing: float) -> Stencil:
+    """Nodes, weights and arms of points at `positions` (N, 3) [m], nodes being the multiples of `spacing` [m]."""
+    base, offset, along = _splines(positions / spacing)
     arms = np.arange(3)[:, None] - offset[:, None, :]
     slopes = np.stack([offset - 1.5, 2 - 2 * offset, offset - 0.5], axis=1)
     pull = ((1 - GRADIENT_SHARE) * 4 * along * arms + GRADIENT_SHARE * slopes) / spacing
-    i, j, k = _NEIGHBOURS.T
     corner = base.min(axis=0)
     shape = tuple(int(length) for length in base.max(axis=0) - corner + 3)
     node = (base - corner)[:, None, :] + _NEIGHBOURS
+    i, j, k = _NEIGHBOURS.T
     return Stencil(
         nodes=(node[..., 0] * shape[1] + node[..., 1]) * shape[2] + node[..., 2],
-        weights=along[:, i, 0] * along[:, j, 1] * along[:, k, 2],
+        weights=_products(along),
         arms=(_NEIGHBOURS - offset[:, None, :]) * spacing,
         gradients=np.stack(
             [
@@ -160,6 +171,35 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     weighted = stencil.weights[..., None] * around
     affine_velocities = inverse_inertia(spacing) * (weighted.transpose(0, 2, 1) @ stencil.arms)
     return weighted.sum(axis=1), affine_velocities, around.transpose(0, 2, 1) @ stencil.gradients
+
+
+def carried(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array, places: Array) -> Array:
+    """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
+
+    The mean over the nodes around each that have a velocity, weighted by the B-splines; where there is none, zero. So
+    a tracer beside matter goes with it, and a uniform flow carries all alike.
+
+    Parameters
+    ----------
+    stencil
+        Of the points: where the nodes are.
+    nodes : (G,)
+        Flat indices of the nodes that have a velocity.
+    grid_velocities : (G, 3) [m/s]
+    """
+    box = np.array(stencil.shape)
+    # What is too far away to be counted in cells is as far as anything outside the box.
+    base, _, along = _splines(np.clip(places / spacing, stencil.corner - 9.0, stencil.corner + box + 9.0))
+    node = (base - stencil.corner)[:, None, :] + _NEIGHBOURS
+    within = ((node >= 0) & (node < box)).all(axis=2)
+    node = np.where(within[..., None], node, 0)
+    place = np.full(int(np.prod(box)), -1)
+    place[nodes] = np.arange(len(nodes))
+    row = place[(node[..., 0] * box[1] + node[..., 1]) * box[2] + node[..., 2]]
+    weights = np.where(within & (row >= 0), _products(along), 0.0)
+    total = weights.sum(axis=1)
+    sums = (weights[:, None, :] @ grid_velocities[row])[:, 0]
+    return sums / np.where(total > 0, total, 1.0)[:, None]
 
 
 def local_means(stencil: Stencil, rows: Array, volumes: Array, values: Array) -> Array:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from gasp_reference_mpm.substep import seeded_affine_velocities
-from gasp_reference_mpm.transfer import gather, inverse_inertia, local_means, scatter, stencil_around
+from gasp_reference_mpm.transfer import carried, gather, inverse_inertia, local_means, scatter, stencil_around
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -129,3 +129,27 @@ def test_local_means_are_of_an_energy_below_that_of_the_values(seed: int) -> Non
 def test_a_lone_point_is_its_own_mean() -> None:
     stencil = stencil_around(np.array([[0.13, -0.21, 0.07]]), SPACING)
     np.testing.assert_allclose(local_means(stencil, np.array([0]), np.array([3.0]), np.array([0.7])), 0.7, rtol=1e-14)
+
+
+@given(seed=seeds)
+def test_tracers_go_with_what_is_near_and_rest_where_nothing_is(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(0, 1, (40, 3))
+    stencil = stencil_around(positions, SPACING)
+    velocity, gradient = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, (3, 3))
+    masses, affine, still = rng.uniform(0.1, 2, 40), np.tile(gradient, (40, 1, 1)), np.zeros((40, 3, 3))
+    places = np.concatenate([positions, rng.uniform(-1, 2, (40, 3)), [[1e300, 0, 0], [0, -1e9, 0]]])
+
+    grid = scatter(stencil, SPACING, masses, np.tile(velocity, (40, 1)), still, still)
+    found = carried(stencil, SPACING, grid.nodes, grid.momentum / grid.mass[:, None], places)
+    apart = np.abs(places[:, None] - positions).max(axis=2).min(axis=1)
+    moving = found.any(axis=1)
+    # A node is within 1.5 cells of what gives to it and of what takes from it.
+    assert not moving[apart > 3 * SPACING].any()
+    assert moving[:40].all()
+    # A mean of equal numbers, to some roundings.
+    np.testing.assert_allclose(found[moving], np.tile(velocity, (int(moving.sum()), 1)), rtol=0, atol=1e-13)
+
+    grid = scatter(stencil, SPACING, masses, positions @ gradient.T, affine, still)
+    found = carried(stencil, SPACING, grid.nodes, grid.momentum / grid.mass[:, None], positions)
+    np.testing.assert_allclose(found, positions @ gradient.T, rtol=0, atol=1e-13)
