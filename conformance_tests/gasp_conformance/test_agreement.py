@@ -12,6 +12,7 @@ from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.scenes import MATERIALS, thrown_block
 from gasp_conformance.subject import Subject
+from gasp_core.engine.contract import Field, PointProblem
 from gasp_core.engine.materials import Material
 
 
@@ -30,9 +31,28 @@ def test_equals_the_oracle_at_constant_volume(subject: Subject, oracle: Subject,
 
 def _compare(subject: Subject, oracle: Subject, ledger: Ledger, case: str, material: Material) -> None:
     throw = thrown_block(material)
-    (own,) = subject.states(throw.problem, throw.accuracy, [throw.end])
-    (other,) = oracle.states(throw.problem, throw.accuracy, [throw.end])
-    distance = float(np.linalg.norm(own.positions - other.positions, axis=1).max()) / throw.size
+    problem, wanted = throw.problem, frozenset[Field]()
+    if all(engine.descriptor.capabilities.carries_tracers for engine in (subject, oracle)):
+        problem, wanted = _traced(problem), frozenset({Field.TRACER_POSITIONS})
+    (own,) = subject.states(problem, throw.accuracy, [throw.end], wanted)
+    (other,) = oracle.states(problem, throw.accuracy, [throw.end], wanted)
     # The scenes magnify a disturbance at the start some tens of times in their 500 substeps (measured by disturbing
     # one by 6e-8): rounding of 6e-8 a step that adds up like a random walk ends at a few 1e-6, that of 1e-16 at 1e-14.
-    ledger.at_most(case, "largest distance / size", distance, 1e-10 if subject.is_double else 1e-5)
+    allowed = 1e-10 if subject.is_double else 1e-5
+    ledger.at_most(case, "largest distance / size", _apart(own.positions, other.positions) / throw.size, allowed)
+    if wanted:
+        distance = _apart(own.tracer_positions, other.tracer_positions) / throw.size
+        ledger.at_most(case, "largest distance of tracers / size", distance, allowed)
+
+
+def _apart(own: Any, other: Any) -> float:
+    return float(np.linalg.norm(own - other, axis=1).max())
+
+
+def _traced(problem: PointProblem) -> PointProblem:
+    """The problem with tracers in and around its points, some of them out of reach."""
+    points = problem.points
+    low, high = points.reference_positions.min(axis=0), points.reference_positions.max(axis=0)
+    margin = 0.2 * (high - low)
+    places = np.random.default_rng(8).uniform(low - margin, high + margin, (60, 3))
+    return replace(problem, points=replace(points, tracer_positions=places))

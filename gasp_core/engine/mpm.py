@@ -1,15 +1,21 @@
-"""Two choices of the explicit material point method, in one place for every engine that is one.
+"""Choices of the explicit material point method, in one place for every engine that is one.
 
-Both are about how stress reaches the grid. With them engines that share the quadratic B-splines and the affine
+Two are about how stress reaches the grid. With them engines that share the quadratic B-splines and the affine
 transfers give the same numbers; without them a thin thing that lies across the grid bends too far, and one that keeps
 its volume does not bend at all.
+The third is about tracers, which have no mass and are carried by the grid alone.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from gasp_core.engine.materials import Elastic, Foam, Material, Metal, NeoHookean, Plasticine
 
-__all__ = ["GRADIENT_SHARE", "averaged_lame"]
+__all__ = ["FULL_PRESENCE", "GRADIENT_SHARE", "averaged_lame", "presence"]
 
 GRADIENT_SHARE = 0.25
 """How much of the kernel by which stress acts is the spline's own gradient; the rest is moving least squares.
@@ -55,3 +61,18 @@ def averaged_lame(material: Material) -> float:
     if isinstance(material, Elastic | NeoHookean | Metal | Plasticine | Foam):
         return max(0.0, material.lame_lambda - _OWN_LAME * material.shear_modulus)
     return 0.0
+
+
+FULL_PRESENCE = 0.1
+"""Mass, in mean point masses, from which on a node counts fully for a tracer."""
+
+
+def presence(masses: NDArray[Any], point_mass: float) -> NDArray[Any]:
+    """How much nodes of these masses [kg] count for tracers, 0 to 1; `point_mass` [kg] is the points' mean.
+
+    A tracer has no mass of its own, and goes with velocity sum_i w_i h_i v_i / sum_i w_i h_i, h_i being this. Without
+    it a tracer beside matter would lag, since the nodes without mass have no velocity; with h = 1 for every node that
+    has any, it would listen to nodes at the rim of a point's reach, whose stress per mass grows beyond all bounds as
+    their mass falls. Inside matter every h_i is 1, and affine velocity fields are exact.
+    """
+    return np.minimum(masses / (FULL_PRESENCE * point_mass), 1.0)

@@ -1,7 +1,7 @@
 """Massless points that the grid carries along: where they are, and which of them anything can move.
 
-A tracer moves with the mean velocity of the nodes around it that have mass, weighted as they are for a point. One with
-no such node in reach rests: it is left out of the steps until the next sort, and costs nothing.
+A tracer moves with the mean velocity of the nodes around it (`gasp_core.engine.mpm.presence`). One with no mass in
+reach rests: it is left out of the steps until the next sort, and costs nothing.
 """
 
 from __future__ import annotations

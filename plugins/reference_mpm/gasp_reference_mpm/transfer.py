@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.mpm import GRADIENT_SHARE
+from gasp_core.engine.mpm import GRADIENT_SHARE, presence
 
 __all__ = [
     "GridMomentum",
@@ -73,12 +73,15 @@ class GridMomentum:
     mass : (G,) [kg]
     momentum : (G, 3) [kg m/s]
     positions : (G, 3) [m]
+    presence : (G,)
+        How much a node counts for tracers.
     """
 
     nodes: Array
     mass: Array
     momentum: Array
     positions: Array
+    presence: Array
 
 
 def inverse_inertia(spacing: float) -> float:
@@ -149,7 +152,13 @@ def scatter(
     given -= stencil.gradients @ tensions.transpose(0, 2, 1)
     momentum = np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
     index = np.stack(np.unravel_index(nodes, stencil.shape), axis=1) + stencil.corner
-    return GridMomentum(nodes=nodes, mass=mass[nodes], momentum=momentum, positions=index * spacing)
+    return GridMomentum(
+        nodes=nodes,
+        mass=mass[nodes],
+        momentum=momentum,
+        positions=index * spacing,
+        presence=presence(mass[nodes], float(masses.mean())),
+    )
 
 
 def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array) -> tuple[Array, Array, Array]:
@@ -173,18 +182,18 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     return weighted.sum(axis=1), affine_velocities, around.transpose(0, 2, 1) @ stencil.gradients
 
 
-def carried(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array, places: Array) -> Array:
+def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocities: Array, places: Array) -> Array:
     """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
 
-    The mean over the nodes around each that have a velocity, weighted by the B-splines; where there is none, zero. So
-    a tracer beside matter goes with it, and a uniform flow carries all alike.
+    The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for
+    (`gasp_core.engine.mpm.presence`); where there is none, zero.
 
     Parameters
     ----------
     stencil
         Of the points: where the nodes are.
-    nodes : (G,)
-        Flat indices of the nodes that have a velocity.
+    grid
+        What the points gave to them.
     grid_velocities : (G, 3) [m/s]
     """
     box = np.array(stencil.shape)
@@ -193,12 +202,15 @@ def carried(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arr
     node = (base - stencil.corner)[:, None, :] + _NEIGHBOURS
     within = ((node >= 0) & (node < box)).all(axis=2)
     node = np.where(within[..., None], node, 0)
-    place = np.full(int(np.prod(box)), -1)
-    place[nodes] = np.arange(len(nodes))
-    row = place[(node[..., 0] * box[1] + node[..., 1]) * box[2] + node[..., 2]]
-    weights = np.where(within & (row >= 0), _products(along), 0.0)
+    size = int(np.prod(box))
+    place = np.zeros(size, dtype=np.int64)
+    place[grid.nodes] = np.arange(len(grid.nodes))
+    present = np.zeros(size)
+    present[grid.nodes] = grid.presence
+    flat = (node[..., 0] * box[1] + node[..., 1]) * box[2] + node[..., 2]
+    weights = np.where(within, _products(along) * present[flat], 0.0)
     total = weights.sum(axis=1)
-    sums = (weights[:, None, :] @ grid_velocities[row])[:, 0]
+    sums = (weights[:, None, :] @ grid_velocities[place[flat]])[:, 0]
     return sums / np.where(total > 0, total, 1.0)[:, None]
 
 
