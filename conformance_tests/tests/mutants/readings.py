@@ -233,11 +233,20 @@ class CarryingNothing(Showing):
 class TracersStay(Mutant):
     """Tracers are declared, and stay where they are."""
 
-    right_can = False
-    declares = replace(
-        CAPABILITIES, carries_tracers=True, output_fields=CAPABILITIES.output_fields | {Field.TRACER_POSITIONS}
-    )
     session = CarryingNothing
 
-    def problem(self, problem: PointProblem) -> PointProblem:
-        return replace(problem, points=replace(problem.points, tracer_positions=None))
+
+class CarryingAlike(Showing):
+    def shown(self, state: PointState) -> PointState:
+        points = self.problem.points
+        if state.tracer_positions is None or points.tracer_positions is None:
+            return state
+        travel = (state.positions - points.reference_positions).mean(axis=0)
+        return replace(state, tracer_positions=points.tracer_positions + travel)
+
+
+@mutant("tracers-straight", {"tracers": "error in a turning block"})
+class TracersStraight(Mutant):
+    """All tracers go with the cloud's mean."""
+
+    session = CarryingAlike
