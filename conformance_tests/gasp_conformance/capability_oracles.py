@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import exp1
 
 __all__ = [
+    "Turns",
     "carried_by_wind",
     "drucker_prager_friction",
     "grid_dispersion",
     "lame_frequency",
     "lame_shape",
+    "lame_relaxing",
     "lame_viscous_decay",
     "large_wave",
     "radial_frequency",
@@ -26,6 +30,8 @@ __all__ = [
     "snow_stiffening",
     "snow_tearing_work",
     "snow_volume_ratio",
+    "turns_of_a_viscoplastic_bar",
+    "turns_of_a_yielding_bar",
     "von_mises_yield_strain",
 ]
 
@@ -189,6 +195,122 @@ def snow_tearing_work(critical_stretch: float, hardening: float) -> float:
 def von_mises_yield_strain(yield_stress: float, shear_modulus: float) -> float:
     """Strain e at which diag(-e, e, 0) yields: sqrt(3/2) |2 mu dev e| = 2 sqrt(3) mu e = yield stress."""
     return yield_stress / (2 * math.sqrt(3) * shear_modulus)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turns:
+    """A bar between frictionless walls that was pressed and swings back, where its ends stand still.
+
+    Parameters
+    ----------
+    pressed
+        -ln of its stretch when it is shortest.
+    stretched
+        ln of its stretch when it is longest after that.
+    """
+
+    pressed: float
+    stretched: float
+
+
+def turns_of_a_yielding_bar(
+    work: float, bulk_modulus: float, shear_modulus: float, yield_stress: float, hardening: float, residual: float
+) -> Turns:
+    """Where a bar between walls turns that obeys sqrt(3/2) |dev tau| <= max(Y + H p, R) and is pressed by `work`.
+
+    Hencky's tau = 2 mu e + lambda tr(e) I works tau : d(ln F) per volume at rest. Of a bar whose sides are held let x
+    be the logarithm of its stretch, and q the difference of tau along it and across, so |q| = sqrt(3/2) |dev tau|. Its
+    sides gain -dp/2 of plastic strain each where its length gains dp, so q = 2 mu (x - 3/2 p), and tau along it is
+    K x + 2/3 q. While it flows q changes by H dp, which is h dx with h = 2 mu H / (3 mu + H), until R is reached. So
+    the work is K x^2 / 2 in volume, and in shear 2/3 of the area under straight lines: 2 mu up to where it yields, h,
+    and 0. It turns where that is all the work there was; hardening is isotropic, so it yields the other way at the q
+    it had. (Simo and Hughes 1998, "Computational inelasticity", sections 1.2 and 2.2, there of one dimension.)
+
+    Parameters
+    ----------
+    work
+        Per volume at rest [J/m^3].
+    yield_stress, hardening, residual
+        Y, H > -3 mu and R <= Y [Pa].
+    """
+    slope = 2 * shear_modulus * hardening / (3 * shear_modulus + hardening)
+
+    def sheared(way: float, begin: float, limit: float) -> tuple[float, float, float]:
+        """Work in shear of a way in x that begins at q = `begin` and yields at `limit`; q and limit at its end."""
+        unyielding = min(way, (limit - begin) / (2 * shear_modulus))
+        flowing = way - unyielding
+        on_line = min(flowing, (limit - residual) / -slope) if slope < 0 else flowing
+        area = (begin + shear_modulus * unyielding) * unyielding
+        area += (limit + slope / 2 * on_line) * on_line + residual * (flowing - on_line)
+        return 2 / 3 * area, begin + 2 * shear_modulus * unyielding + slope * on_line, limit + slope * on_line
+
+    def unspent(way: float) -> float:
+        return work - bulk_modulus * way**2 / 2 - sheared(way, 0.0, yield_stress)[0]
+
+    pressed = float(brentq(unspent, 0.0, math.sqrt(2 * work / bulk_modulus)))
+    _, stress, limit = sheared(pressed, 0.0, yield_stress)
+
+    def left(way: float) -> float:
+        return bulk_modulus / 2 * (pressed**2 - (way - pressed) ** 2) - sheared(way, -stress, limit)[0]
+
+    # Its springs push at first; as long as it was short it could be where nothing was lost, and no longer.
+    return Turns(pressed=pressed, stretched=float(brentq(left, 1e-3 * pressed, 2.001 * pressed)) - pressed)
+
+
+def turns_of_a_viscoplastic_bar(
+    work: float, bulk_modulus: float, shear_modulus: float, yield_stress: float, viscosity: float, mass: float
+) -> Turns:
+    """`turns_of_a_yielding_bar` where |d e_P / dt| = (|dev tau| - sqrt(2/3) Y) / eta as long as that is above 0.
+
+    With sqrt(2/3) |d e_P| = dp and |dev tau| = sqrt(2/3) |q| that is dp/dt = 2/3 (|q| - Y) / eta: at rest the
+    overstress falls as exp(-2 mu t / eta). Solved numerically; the force per area at rest is tau / F.
+
+    Parameters
+    ----------
+    viscosity
+        eta [Pa s].
+    mass
+        Of what presses it, per cross-section and length [kg/m^3].
+    """
+
+    def rates(_: float, state: Array) -> list[float]:
+        stretch, speed, plastic = state
+        shear = 2 * shear_modulus * (math.log(stretch) - 1.5 * plastic)
+        force = (bulk_modulus * math.log(stretch) + 2 / 3 * shear) / stretch
+        flow = 2 / 3 * max(0.0, abs(shear) - yield_stress) / viscosity
+        return [speed, -force / mass, math.copysign(flow, shear)]
+
+    def turned(_: float, state: Array) -> float:
+        return float(state[1])
+
+    turned.terminal = 2
+    start, period = [1.0, -math.sqrt(2 * work / mass), 0.0], 2 * math.pi * math.sqrt(mass / bulk_modulus)
+    run = solve_ivp(rates, (0, 2 * period), start, "LSODA", events=turned, rtol=1e-8, atol=1e-10, max_step=period / 200)
+    shortest, longest = (float(state[0]) for state in run.y_events[0][:2])
+    return Turns(pressed=-math.log(shortest), stretched=math.log(longest))
+
+
+def lame_relaxing(times: Array, frequency: float, relaxation: float) -> Array:
+    """Amplitude (T,) [s] of Lame's mode over the velocity that it starts with, where all stress relaxes.
+
+    Maxwell's solid: with the elastic part z of the amplitude a, a'' = -w^2 z and z' = a' - z / theta, so that
+    z'' + z' / theta + w^2 z = 0, z(0) = 0, z'(0) = v. Then a' = v - w^2 times the integral of z: it comes to rest at
+    v / (w^2 theta).
+
+    Parameters
+    ----------
+    frequency
+        w / (2 pi), without relaxation [Hz].
+    relaxation
+        theta [s].
+    """
+    pulse = 2 * math.pi * frequency
+    roots = np.roots([1.0, 1 / relaxation, pulse**2]).astype(complex)
+    first, second = roots
+    # z = v (exp(r1 t) - exp(r2 t)) / (r1 - r2) = a' + z / theta, integrated; r1 r2 = w^2 and r1 + r2 = -1 / theta.
+    z = (np.exp(first * times) - np.exp(second * times)) / (first - second)
+    area = (np.expm1(first * times) / first - np.expm1(second * times) / second) / (first - second)
+    return np.real(z + area / relaxation)
 
 
 def carried_by_wind(velocity: ArrayLike, air: ArrayLike, drag: float, time: float) -> Array:

@@ -26,12 +26,15 @@ from gasp_core.engine.shapes import HalfSpace
 
 __all__ = [
     "Decay",
+    "Flowed",
     "Pressed",
+    "Relaxed",
     "Ring",
     "Sinking",
     "Spin",
     "Swing",
     "ball_breathes",
+    "bar_between_walls_flows",
     "bar_stretches_far",
     "block_shears_and_returns",
     "block_swings",
@@ -40,6 +43,7 @@ __all__ = [
     "loose_block_parts",
     "rigid_block_spins",
     "shear_flow_dies",
+    "shear_relaxes",
     "snow_between_walls_is_pressed",
     "snow_is_pressed",
     "snow_is_pulled_and_swings",
@@ -49,6 +53,7 @@ __all__ = [
 
 Array = NDArray[Any]
 Solid = Elastic | NeoHookean | Snow
+Yielding = Metal | Plasticine | Foam
 
 GRAVITY = 9.81
 _AWAY = np.array([0.37, 0.21, 0.11])
@@ -87,6 +92,36 @@ class Swing:
 
     highest: float
     lowest_after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relaxed:
+    """Relative error of a relaxation time, and what grid, transfers, substeps and yield stress may leave of it."""
+
+    error: float
+    dispersion: float
+    transfers: float
+    stepping: float
+    unyielding: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flowed:
+    """A bar between two heavy caps that were thrown at each other, and between walls.
+
+    Parameters
+    ----------
+    length_error
+        Of the length that its swing below yield stands for, relative.
+    pressing_error
+        Of the work that is lost until it is shortest, over that of its law; relative.
+    return_error
+        The same from there until it is longest.
+    """
+
+    length_error: float
+    pressing_error: float
+    return_error: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,7 +338,41 @@ def shear_flow_dies(subject: Subject, material: Fluid) -> Decay:
     )
 
 
-def block_swings(subject: Subject, material: Metal | Plasticine | Foam, over: float) -> Swing:
+def shear_relaxes(subject: Subject, material: Foam) -> Relaxed:
+    """A plate is thrown in Lame's mode, its yield stress next to nothing: it comes to rest as its stress relaxes."""
+    cells = 8
+    frequency = exact.lame_frequency(1.0, material.shear_modulus, material.density)
+    relaxation = material.plastic_viscosity / (2 * material.shear_modulus)
+    # Half a percent of strain, as where plates ring.
+    peak = 0.005 / math.pi
+    velocity = peak * 2 * math.pi * frequency
+    pulse = 2 * math.pi * frequency
+    # What swings dies with half the rate of relaxation; what creeps, with w^2 theta.
+    times = np.linspace(0, 2 * relaxation + 2 / (pulse**2 * relaxation), 31)[1:]
+    journal = Journal()
+    moved = _lame_amplitudes(subject, material, cells, velocity, times, journal) / velocity
+    (found,), _ = curve_fit(
+        lambda t, time: exact.lame_relaxing(t, frequency, time),
+        times,
+        moved,
+        p0=[relaxation],
+        bounds=(0.01 * relaxation, 100 * relaxation),
+    )
+    step = journal.largest_substep
+    wave = math.pi / cells
+    return Relaxed(
+        error=float(found) / relaxation - 1,
+        # It comes to rest at v / (w^2 theta): what is wrong with the square of the frequency looks like the time's.
+        dispersion=2 * exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells),
+        # As `shear_flow_dies`; what is lost of the momentum is lost of the way.
+        transfers=0.05 * 2 * wave**4 * float(times[-1]) / step,
+        # A step of implicit Euler leaves (1 + dt/theta)^-1 instead of exp(-dt/theta): the time seems longer by dt/2.
+        stepping=step / (2 * relaxation),
+        unyielding=exact.von_mises_yield_strain(material.yield_stress, material.shear_modulus) / (math.pi * peak),
+    )
+
+
+def block_swings(subject: Subject, material: Yielding, over: float) -> Swing:
     """A plate is thrown in Lame's mode so that, were it elastic, it would be strained to `over` times its yield."""
     cells = 8
     frequency = exact.lame_frequency(1.0, material.shear_modulus, material.density)
@@ -325,14 +394,35 @@ _PRESSED_TO = 0.86
 """Of its length for good. Far from its yield strain, and from where an engine would think of limits."""
 
 
-def unyielding(material: Snow) -> Snow:
-    """The same snow with a box of stretches so wide that it is elastic."""
-    return replace(material, critical_compression=0.5, critical_stretch=0.5)
+_FLOWING_WORK = 0.01
+"""Of the modulus: an elastic bar is pressed to exp(-0.14) of its length."""
+
+
+def unyielding(material: Any) -> Any:
+    """The same matter, of snow or what flows, with such limits that it is elastic as far as it is strained here."""
+    if isinstance(material, Snow):
+        return replace(material, critical_compression=0.5, critical_stretch=0.5)
+    return replace(material, yield_stress=material.youngs_modulus)
+
+
+def _walls_beside_a_bar() -> tuple[Collider, ...]:
+    """Frictionless walls at the long sides of a bar that is a cell thick and whose corner is `_AWAY`."""
+    spacing = 1.0 / _BAR_CELLS
+    _, y, z = _AWAY
+    walls = [
+        ((0.0, y, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, y + spacing, 0.0), (0.0, -1.0, 0.0)),
+        ((0.0, 0.0, z), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, z + spacing), (0.0, 0.0, -1.0)),
+    ]
+    return tuple(
+        Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SLIP) for point, normal in walls
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Press:
-    """A bar of snow along x, 1 m long and a cell thick, whose ends are heavy caps.
+    """A bar along x, 1 m long and a cell thick, whose ends are heavy caps.
 
     The caps are so heavy that sound goes up and down the bar many times while they swing: it is strained evenly, and
     the caps on it are a mass on a spring.
@@ -345,7 +435,7 @@ class _Press:
         What holds its sides.
     """
 
-    snow: Snow
+    material: Snow | Yielding
     modulus: float
     walls: tuple[Collider, ...] = ()
 
@@ -353,7 +443,7 @@ class _Press:
     def mass(self) -> float:
         """Reduced mass of the caps, over the bar's cross-section [kg/m^2]; a bar that is strained evenly adds a
         twelfth of its own."""
-        return self.snow.density * (_HEAVY * _CAP_CELLS / _BAR_CELLS / 2 + 1 / 12)
+        return self.material.density * (_HEAVY * _CAP_CELLS / _BAR_CELLS / 2 + 1 / 12)
 
     @property
     def pulse(self) -> float:
@@ -364,19 +454,19 @@ class _Press:
         """How fast the caps have to come [m/s], to do `work` on the bar, per volume and over its modulus."""
         return self.pulse * math.sqrt(2 * work)
 
-    def gaps(self, subject: Subject, snow: Snow, speed: float, times: Array) -> Array:
-        """How much farther the caps are apart (T,) [m], of a bar of `snow`, when they start at `speed` [m/s]."""
+    def gaps(self, subject: Subject, material: Snow | Yielding, speed: float, times: Array) -> Array:
+        """How much farther the caps are apart (T,) [m], of a bar of `material`, when they start at `speed` [m/s]."""
         spacing = 1.0 / _BAR_CELLS
         places = box_of_points(_AWAY, (_BAR_CELLS + 2 * _CAP_CELLS, 1, 1), spacing)
         along = places[:, 0] - _AWAY[0] - _CAP_CELLS * spacing
         left, right = along < 0, along > 1
         velocities = np.zeros_like(places)
         velocities[:, 0] = speed * (np.clip(along, 0, 1) - 0.5)
-        cap = replace(unyielding(snow), density=_HEAVY * snow.density, youngs_modulus=_HEAVY * snow.youngs_modulus)
+        heavy = replace(material, density=_HEAVY * material.density, youngs_modulus=_HEAVY * material.youngs_modulus)
         cloud = cloud_of([places], [velocities], spacing)
         problem = PointProblem(
             points=replace(cloud, material_ids=(left | right).astype(np.int32)),
-            materials=(snow, cap),
+            materials=(material, unyielding(heavy)),
             colliders=self.walls,
             gravity=NO_GRAVITY,
         )
@@ -384,14 +474,24 @@ class _Press:
         moved = [state.positions[:, 0] - places[:, 0] for state in states]
         return np.array([float(one[right].mean() - one[left].mean()) for one in moved])
 
-    def pressed(self, subject: Subject) -> Pressed:
-        """The caps come at each other slowly, and so fast that the bar is pressed far beyond yield."""
-        snow, period = self.snow, 2 * math.pi / self.pulse
+    def frequency(self, subject: Subject) -> float:
+        """At which it swings below yield [Hz]: the caps come at each other slowly."""
+        period = 2 * math.pi / self.pulse
         times = np.linspace(0, 1.3 * period, 40)[1:]
-        gaps = self.gaps(subject, unyielding(snow), -_SMALL_STRAIN * self.pulse, times)
-        before, _ = damped_oscillation(times, gaps, 1 / period)
-        # A spring is the stiffer the shorter it is; part of the cells at the caps is as stiff as they are.
-        length = 1 / (before * period) ** 2 if before else math.inf
+        gaps = self.gaps(subject, unyielding(self.material), -_SMALL_STRAIN * self.pulse, times)
+        found, _ = damped_oscillation(times, gaps, 1 / period)
+        return found
+
+    def length(self, frequency: float) -> float:
+        """That a bar of this frequency [Hz] has, over its length: a spring is the stiffer the shorter it is, and part
+        of the cells at the caps is as stiff as they are."""
+        return (self.pulse / (2 * math.pi * frequency)) ** 2 if frequency else math.inf
+
+    def pressed(self, subject: Subject, snow: Snow) -> Pressed:
+        """The caps come at each other slowly, and so fast that the bar is pressed far beyond yield."""
+        period = 2 * math.pi / self.pulse
+        before = self.frequency(subject)
+        length = self.length(before)
         nothing = Pressed(length_error=length - 1, set_error=math.nan, frequency_error=math.nan, swing_error=math.nan)
         if not 0.5 < length < 2:
             return nothing
@@ -419,29 +519,18 @@ class _Press:
 def snow_is_pressed(subject: Subject, material: Snow) -> Pressed:
     """A bar with free sides and nu = 0: tells critical compression, set and hardening of mu."""
     assert material.poissons_ratio == 0
-    return _Press(snow=material, modulus=material.youngs_modulus).pressed(subject)
+    return _Press(material=material, modulus=material.youngs_modulus).pressed(subject, material)
 
 
 def snow_between_walls_is_pressed(subject: Subject, material: Snow) -> Pressed:
     """A bar between frictionless walls: tells hardening of lambda, and that a box holds each stretch by itself."""
-    spacing = 1.0 / _BAR_CELLS
-    _, y, z = _AWAY
-    walls = [
-        ((0.0, y, 0.0), (0.0, 1.0, 0.0)),
-        ((0.0, y + spacing, 0.0), (0.0, -1.0, 0.0)),
-        ((0.0, 0.0, z), (0.0, 0.0, 1.0)),
-        ((0.0, 0.0, z + spacing), (0.0, 0.0, -1.0)),
-    ]
-    held = tuple(
-        Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SLIP) for point, normal in walls
-    )
     modulus = material.lame_lambda + 2 * material.shear_modulus
-    return _Press(snow=material, modulus=modulus, walls=held).pressed(subject)
+    return _Press(material=material, modulus=modulus, walls=_walls_beside_a_bar()).pressed(subject, material)
 
 
 def snow_is_pulled_and_swings(subject: Subject, material: Snow, over: float) -> Swing:
     """The caps fly apart so that an elastic bar would be stretched to `over` times the critical stretch."""
-    press = _Press(snow=material, modulus=material.youngs_modulus)
+    press = _Press(material=material, modulus=material.youngs_modulus)
     peak = over * material.critical_stretch
     times = np.linspace(0, 1.1 * 2 * math.pi / press.pulse, 60)[1:]
     gaps = press.gaps(subject, material, peak * press.pulse, times) / peak
@@ -454,11 +543,61 @@ def snow_is_torn(subject: Subject, material: Snow, over: float) -> float:
 
     It is that of 0.7 periods later, when a bar that did not tear has them on their way back.
     """
-    press = _Press(snow=material, modulus=material.youngs_modulus)
+    press = _Press(material=material, modulus=material.youngs_modulus)
     speed = press.speed(over * exact.snow_tearing_work(material.critical_stretch, material.hardening))
     times = np.array([0.65, 0.75]) * 2 * math.pi / press.pulse
     first, last = press.gaps(subject, material, speed, times)
     return float(last - first) / float(times[1] - times[0]) / speed
+
+
+def bar_between_walls_flows(subject: Subject, material: Yielding) -> Flowed:
+    """A bar between frictionless walls is pressed far beyond yield and swings back: tells how far it bears shear.
+
+    Its volume is the spring, so it is strained evenly even where it softens.
+    """
+    shear = material.shear_modulus
+    bulk = material.lame_lambda + 2 / 3 * shear
+    press = _Press(material=material, modulus=bulk + 4 / 3 * shear, walls=_walls_beside_a_bar())
+    length = press.length(press.frequency(subject))
+    nothing = Flowed(length_error=length - 1, pressing_error=math.nan, return_error=math.nan)
+    if not 0.5 < length < 2:
+        return nothing
+
+    # What the caps bring is spent on a bar of that length.
+    work = _FLOWING_WORK * press.modulus / length
+    law = _turns(material, work, bulk, press.mass * length)
+    # With shear it swings faster than its volume alone, which takes three quarters of a period to where it is longest.
+    times = np.linspace(0, 0.8 * 2 * math.pi * math.sqrt(press.mass * length / bulk), 160)[1:]
+    stretches = 1 + press.gaps(subject, material, -press.speed(_FLOWING_WORK), times) / length
+    shortest = int(np.argmin(stretches))
+    if not stretches[shortest] > 0:
+        return nothing
+    found = exact.Turns(pressed=-math.log(stretches[shortest]), stretched=math.log(float(stretches[shortest:].max())))
+
+    def lost(turns: exact.Turns) -> tuple[float, float]:
+        kept = bulk * turns.pressed**2 / 2
+        return work - kept, kept - bulk * turns.stretched**2 / 2
+
+    (pressing, returning), (expected_pressing, expected_returning) = lost(found), lost(law)
+    return replace(
+        nothing,
+        pressing_error=pressing / expected_pressing - 1,
+        return_error=returning / expected_returning - 1,
+    )
+
+
+def _turns(material: Yielding, work: float, bulk: float, mass: float) -> exact.Turns:
+    """Where its law has a bar turn; `work` [J/m^3], bulk modulus [Pa], `mass` [kg/m^3] as in the closed forms."""
+    shear, strength = material.shear_modulus, material.yield_stress
+    match material:
+        case Metal():
+            return exact.turns_of_a_yielding_bar(work, bulk, shear, strength, material.hardening, strength)
+        case Plasticine():
+            slope, residual = -material.softening * strength, material.residual * strength
+            return exact.turns_of_a_yielding_bar(work, bulk, shear, strength, slope, residual)
+        case Foam():
+            viscosity = material.plastic_viscosity
+            return exact.turns_of_a_viscoplastic_bar(work, bulk, shear, strength, viscosity, mass)
 
 
 def rigid_block_spins(subject: Subject, material: Rigid) -> Spin:

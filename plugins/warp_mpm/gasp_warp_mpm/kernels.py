@@ -1,4 +1,4 @@
-# ruff: noqa: RUF046, SIM300, UP018 - Warp tells a variable int(0) from a constant 0.
+# ruff: noqa: RUF046, UP018 - Warp tells a variable int(0) from a constant 0.
 """The kernels of one MLS-MPM step, specialised by precision, by the kinds of material present and by the scatter.
 
 Everything is in the engine's own units: cells, point masses, the stiffest material's stable step. With them a point's
@@ -24,6 +24,7 @@ from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.contact import constrain
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.native import make_native
+from gasp_warp_mpm.survey import make_survey
 from gasp_warp_mpm.tables import Acting, tables_of
 
 __all__ = ["CLAMPED", "DRIFTED", "REPORT_WIDTH", "STEPS_DONE", "make_kernels"]
@@ -69,7 +70,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     shared_force = real(-GRADIENT_SHARE / 4)
     least_mass = real(0.0 if double else at.LEAST_MASS)
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
-    is_elastic, is_fluid = at.KINDS["elastic"], at.KINDS["fluid"]
+    is_elastic = at.KINDS["elastic"]
     kind_names = "_".join(sorted(kind.replace("-", "_") for kind in kinds))
     name = f"{'f64' if double else 'f32'}_{kind_names}{'_averaged' * averaged}{'_atomic' * atomic}{'_native' * native}"
     module = wp.get_module(f"gasp_warp_mpm_{name}")
@@ -537,77 +538,6 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         for c in range(at.LABEL_WIDTH):
             labels[q * at.LABEL_WIDTH + c] = s.labels[p * at.LABEL_WIDTH + c]
 
-    # ---- survey -----------------------------------------------------------------------------------------------------
-
-    zero_d, one_d, two_d, three_d = (wp.float64(value) for value in (0.0, 1.0, 2.0, 3.0))
-    least_square = wp.float64(1e-200)
-
-    @wp.func
-    def stiffening(F: wp.mat33d, J: wp.float64):
-        """`gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|."""
-        scale = wp.sqrt(wp.max(wp.ddot(F, F) / three_d, least_square))
-        angle = wp.acos(-wp.min(wp.abs(J) / (scale * scale * scale), one_d)) / three_d
-        stretch = wp.max(wp.max(two_d * scale * wp.cos(angle), wp.abs(J)), one_d)
-        return two_d * stretch * stretch - stretch
-
-    @wp.func
-    def finite(v: wp.vec3d, C: wp.mat33d, F: wp.mat33d, gain: wp.float64, place: wp.vec3d):
-        # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
-        residue = gain - gain
-        for r in range(3):
-            residue += (v[r] - v[r]) + (place[r] - place[r])
-            for c in range(3):
-                residue += (C[r, c] - C[r, c]) + (F[r, c] - F[r, c])
-        return residue == zero_d
-
-    @wp.kernel(module=module, enable_backward=False)
-    def survey(s: Tables, chart: wp.array(dtype=wp.float64)):
-        """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
-        chunk = wp.tid()
-        begin = chunk * at.SURVEY_CHUNK
-        stiffness = wp.float64(0.0)
-        speed = wp.float64(0.0)
-        gradient = wp.float64(0.0)
-        bad = int(0)
-        inverted = int(0)
-        low = s.x[begin] * one_d
-        high = s.x[begin] * one_d
-        for p in range(begin, wp.min(begin + at.SURVEY_CHUNK, s.count)):
-            o = p * at.POINT_WIDTH
-            v = wp.vec3d(row3(s.points, o + at.VELOCITY))
-            C = wp.mat33d(row9(s.points, o + at.AFFINE))
-            F = wp.mat33d(row9(s.points, o + at.DEFORMATION))
-            gain = wp.float64(s.points[o + at.HISTORY])
-            place = s.x[p]
-            if finite(v, C, F, gain, place):
-                row = material_row(s, p)
-                J = wp.determinant(F)
-                factor = stiffening(F, J)
-                if int(s.materials[row + at.KIND]) == is_fluid:
-                    # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
-                    J = one_d + gain
-                    stretch = wp.max(J, one_d)
-                    J4 = J * J * J * J
-                    factor = wp.max(two_d * stretch * stretch - stretch, one_d / (J4 * J4))
-                stiffness = wp.max(stiffness, factor * s.materials[row + at.INVERSE_BOUND])
-                speed = wp.max(speed, wp.dot(v, v))
-                gradient = wp.max(gradient, wp.ddot(C, C))
-                if J <= zero_d:
-                    inverted += 1
-                low = wp.min(low, place)
-                high = wp.max(high, place)
-            else:
-                bad += 1
-        o = chunk * at.SURVEY_WIDTH
-        chart[o + at.SURVEY_STIFFNESS] = stiffness
-        chart[o + at.SURVEY_SPEED] = speed
-        chart[o + at.SURVEY_GRADIENT] = gradient
-        chart[o + at.SURVEY_BAD] = wp.float64(bad)
-        chart[o + at.SURVEY_INVERTED] = wp.float64(inverted)
-        for d in range(3):
-            chart[o + at.SURVEY_LOW + d] = low[d]
-            chart[o + at.SURVEY_HIGH + d] = high[d]
-
     kernels = SimpleNamespace(
         module=module,
         tables=Tables,
@@ -622,7 +552,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         strain=strain,
         settle=settle,
         permute=permute,
-        survey=survey,
+        survey=make_survey(double, module),
     )
     if not atomic:
         kernels.steps, kernels.scatter_in_order = steps, scatter_in_order

@@ -16,7 +16,7 @@ from gasp_core.engine.contract import (
 )
 from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
 from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 
 __all__ = ["gasp_point_engines"]
@@ -31,7 +31,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
             summary="Explicit MLS-MPM in NVIDIA Warp: sorted points, coloured scatter; CPU and CUDA",
             contract_version=(1, 0),
             capabilities=EngineCapabilities(
-                materials=frozenset({Elastic, NeoHookean, Sand, Fluid}),
+                materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
                 contact_conditions=frozenset(ContactCondition),
                 drives=frozenset({Pinned, Driven, Impulse}),

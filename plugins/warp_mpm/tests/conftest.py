@@ -9,16 +9,21 @@ from gasp_mpm_host.options import ThreadOptions
 from gasp_warp_mpm.engine import WarpMpm
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision
-from gasp_core.engine.materials import Elastic, Fluid, NeoHookean, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 
 MATERIALS = {
     "elastic": Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     "neo-hookean": NeoHookean(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     "sand": Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.3),
     "fluid": Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1.0),
+    "snow": Snow(density=400.0, youngs_modulus=2e5, poissons_ratio=0.3),
+    "metal": Metal(density=1000.0, youngs_modulus=2e5, poissons_ratio=0.3, yield_stress=2e3, hardening=5e3),
+    "plasticine": Plasticine(density=1000.0, youngs_modulus=2e5, poissons_ratio=0.3, yield_stress=4e3),
+    "foam": Foam(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3, yield_stress=1e3, plastic_viscosity=200.0),
     # Nearly incompressible, of different weight and stiffness: the mean dilation is one of both where they meet.
     "rubber": Elastic(density=900.0, youngs_modulus=1e5, poissons_ratio=0.49),
     "gel": NeoHookean(density=1200.0, youngs_modulus=5e4, poissons_ratio=0.47),
+    "lead": Metal(density=1100.0, youngs_modulus=1e5, poissons_ratio=0.47, yield_stress=2e3),
 }
 
 

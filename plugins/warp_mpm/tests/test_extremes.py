@@ -1,5 +1,7 @@
 """The extremes of verification.md, section 3."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,7 +75,7 @@ def test_a_scaled_scene_moves_alike(kit, scale):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize("kind", ["elastic", "sand", "fluid"])
+@pytest.mark.parametrize("kind", ["elastic", "sand", "fluid", "snow", "metal"])
 def test_a_few_coincident_points_fall_freely(kit, kind, count):
     problem = kit.problem(np.zeros((count, 3)), kit.materials[kind], velocity=(1, 0, 2))
     with kit.open(problem, precision="float64", spacing=0.1, substep=1e-3) as session:
@@ -108,3 +110,26 @@ def test_inverted_points_recover_or_are_reported(kit):
     assert np.isfinite(state.deformation_gradients).all()
     inverted = (np.linalg.det(state.deformation_gradients) <= 0).sum()
     assert (inverted == 0) or any("inverted" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize("kind", ["snow", "metal", "plasticine", "foam"])
+def test_what_flows_survives_a_crash(kit, kind):
+    """At three times the speed of sound everything yields, and some of it is turned inside out."""
+    material = kit.materials[kind]
+    speed = 3 * np.sqrt(material.youngs_modulus / material.density)
+    report, positions, state = drop(kit, material, speed=speed, duration=0.02, substep_limit=100_000)
+    assert report.status in (Status.OK, Status.SUBSTEP_LIMIT)
+    assert report.status is Status.OK or kind == "snow"
+    assert np.isfinite(state.deformation_gradients).all()
+    assert positions[:, 2].min() >= -0.1
+    # No more energy than was thrown: what flies apart does so with less.
+    assert (state.velocities**2).sum(axis=1).mean() <= speed**2
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_snow_that_hardens_beyond_all_steps_ends_with_a_reason(kit, precision):
+    snow = replace(kit.materials["snow"], hardening=1e5)
+    report, positions, _ = drop(kit, snow, speed=20.0, duration=0.1, precision=precision)
+    assert report.status is Status.SUBSTEP_LIMIT
+    assert "substeps" in report.warnings[0]
+    assert np.isfinite(positions).all()

@@ -44,7 +44,7 @@ def same(a, b):
     )
 
 
-@pytest.mark.parametrize("material", ["sand", "rubber"])
+@pytest.mark.parametrize("material", ["sand", "rubber", "snow", "metal"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_restart_is_bitwise(kit, precision, material):
     problem = falling(kit, material)
@@ -384,3 +384,25 @@ def test_material_that_is_not_used_is_not_compiled(kit):
     with kit.open(problem, spacing=0.1) as session:
         # The unused material's stiffness bounds no step either: 1e9 Pa would need more than a thousand.
         assert session.advance_to(0.01).substep_count < 50
+
+
+@pytest.mark.parametrize("kind", ["metal", "foam", "snow"])
+def test_flow_does_not_drift_in_single_precision(kit, kind):
+    """A block that is thrown apart, or together, so that it flows and then swings for the rest of 2000 steps.
+
+    Half an ulp of F a step, always in the same direction, would make it larger or smaller by 2000 * 3e-8 / 3 = 2e-5 of
+    its size. What rounds either way adds up to 2000^(1/2) * 3e-8 = 1e-6 a point, and to much less of all of them.
+    """
+    start = kit.block()
+    arms = start - start.mean(axis=0)
+    gradient = np.array([[1.0, 0.5, 0.0], [-2.0, -0.4, 1.0], [0.3, 2.0, -0.6]]) * (-1 if kind == "snow" else 2)
+    scene = kit.problem(start, kit.materials[kind], velocity=arms @ gradient.T, gravity=(0, 0, 0))
+    ends = []
+    for precision in ("float32", "float64"):
+        with kit.open(scene, precision=precision, spacing=0.1, substep=5e-4) as session:
+            assert session.advance_to(1.0).substep_count == 2000
+            ends.append(session.read(kit.everything).positions)
+    single, double = ends
+    assert np.abs(double - start).max() > 0.1
+    swollen = np.sum((single - double) * (double - double.mean(axis=0))) / np.sum((double - double.mean(axis=0)) ** 2)
+    assert abs(swollen) <= 2e-6

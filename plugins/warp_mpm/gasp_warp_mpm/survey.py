@@ -1,0 +1,118 @@
+# ruff: noqa: RUF046, SIM300, UP018 - Warp tells a variable int(0) from a constant 0.
+"""What the next step depends on, looked up over all points in float64 whatever the precision of the rows."""
+
+# No `from __future__ import annotations`: Warp reads the types themselves.
+from functools import cache
+from typing import Any
+
+import warp as wp
+from gasp_mpm_host import layout as at
+
+from gasp_warp_mpm.tables import tables_of
+
+__all__ = ["make_survey"]
+
+
+@cache
+def make_survey(double: bool, module: Any) -> Any:
+    """Kernel (tables, chart), a chunk of points a thread, in Warp's module `module`."""
+    real = wp.float64 if double else wp.float32
+    Reals = wp.array(dtype=real)
+    Tables = tables_of(real)
+    is_fluid, is_snow, first_hencky = at.KINDS["fluid"], at.KINDS["snow"], at.KINDS["metal"]
+    zero, one, two, three = (wp.float64(value) for value in (0.0, 1.0, 2.0, 3.0))
+    least_square, least_gap = wp.float64(1e-200), wp.float64(1e-9)
+    greatest_exponent = wp.float64(200.0)
+
+    @wp.func
+    def wide3(table: Reals, start: int):
+        return wp.vec3d(wp.float64(table[start]), wp.float64(table[start + 1]), wp.float64(table[start + 2]))
+
+    @wp.func
+    def wide9(table: Reals, start: int):
+        return wp.matrix_from_rows(wide3(table, start), wide3(table, start + 3), wide3(table, start + 6))
+
+    @wp.func
+    def finite(v: wp.vec3d, C: wp.mat33d, F: wp.mat33d, history: wp.float64, place: wp.vec3d):
+        # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
+        residue = history - history
+        for r in range(3):
+            residue += (v[r] - v[r]) + (place[r] - place[r])
+            for c in range(3):
+                residue += (C[r, c] - C[r, c]) + (F[r, c] - F[r, c])
+        return residue == zero
+
+    @wp.func
+    def stiffening(kind: int, F: wp.mat33d, J: wp.float64, history: wp.float64, hardening: wp.float64):
+        """`gasp_core.engine.stability.stiffening` and its like, in its words.
+
+        The stretch is bounded by the largest root of s^3 - |F|^2 s + 2 |J|.
+        """
+        size = wp.abs(J)
+        scale = wp.sqrt(wp.max(wp.ddot(F, F) / three, least_square))
+        angle = wp.acos(-wp.min(size / (scale * scale * scale), one)) / three
+        longest = two * scale * wp.cos(angle)
+        stretch = wp.max(wp.max(longest, size), one)
+        factor = two * stretch * stretch - stretch
+        if kind >= first_hencky:
+            # `hencky_stiffening`: x coth x.
+            apart = wp.max(three * wp.log(longest) - wp.log(wp.max(size, least_square)), least_gap)
+            factor = apart / wp.tanh(apart)
+        if kind == is_snow:
+            # `snow_stiffening`.
+            pressed = one - wp.exp(wp.min(history, one))
+            factor *= wp.exp(wp.min(wp.max(hardening * pressed, zero), greatest_exponent))
+        if kind == is_fluid:
+            # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
+            volume = one + history
+            stretch = wp.max(volume, one)
+            fourth = volume * volume * volume * volume
+            factor = wp.max(two * stretch * stretch - stretch, one / (fourth * fourth))
+        return factor
+
+    @wp.kernel(module=module, enable_backward=False)
+    def survey(s: Tables, chart: wp.array(dtype=wp.float64)):
+        """A row per chunk of points: maxima, extents, and what is not finite."""
+        chunk = wp.tid()
+        begin = chunk * at.SURVEY_CHUNK
+        stiffness = wp.float64(0.0)
+        speed = wp.float64(0.0)
+        gradient = wp.float64(0.0)
+        bad = int(0)
+        inverted = int(0)
+        low = s.x[begin] * one
+        high = s.x[begin] * one
+        for p in range(begin, wp.min(begin + at.SURVEY_CHUNK, s.count)):
+            o = p * at.POINT_WIDTH
+            v = wide3(s.points, o + at.VELOCITY)
+            C = wide9(s.points, o + at.AFFINE)
+            F = wide9(s.points, o + at.DEFORMATION)
+            history = wp.float64(s.points[o + at.HISTORY])
+            place = s.x[p]
+            if finite(v, C, F, history, place):
+                row = s.labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+                kind = int(s.materials[row + at.KIND])
+                J = wp.determinant(F)
+                factor = stiffening(kind, F, J, history, s.materials[row + at.HARDENING])
+                if kind == is_fluid:
+                    J = one + history
+                stiffness = wp.max(stiffness, factor * s.materials[row + at.INVERSE_BOUND])
+                speed = wp.max(speed, wp.dot(v, v))
+                gradient = wp.max(gradient, wp.ddot(C, C))
+                if J <= zero:
+                    inverted += 1
+                low = wp.min(low, place)
+                high = wp.max(high, place)
+            else:
+                bad += 1
+        o = chunk * at.SURVEY_WIDTH
+        chart[o + at.SURVEY_STIFFNESS] = stiffness
+        chart[o + at.SURVEY_SPEED] = speed
+        chart[o + at.SURVEY_GRADIENT] = gradient
+        chart[o + at.SURVEY_BAD] = wp.float64(bad)
+        chart[o + at.SURVEY_INVERTED] = wp.float64(inverted)
+        for d in range(3):
+            chart[o + at.SURVEY_LOW + d] = low[d]
+            chart[o + at.SURVEY_HIGH + d] = high[d]
+
+    return survey
