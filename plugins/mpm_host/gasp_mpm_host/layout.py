@@ -17,6 +17,8 @@ HISTORY = 20
 """What matter remembers beside F. Sand: the logarithm of the volume it gained in the projection. Snow: ln J_P. Metal,
 plasticine: equivalent plastic strain. Fluid: J - 1, which keeps the digits that J loses in float32."""
 DEFORMATION = 21
+MEAN_PRESSURE = 30
+"""What the mean dilation adds to the stress in the step that is being done; nothing is kept in it."""
 POINT_WIDTH = 32
 LAYOUT = 2
 """Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""

@@ -20,8 +20,8 @@ from gasp_core.engine.mpm import averaged_lame
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.decompositions import algebra
-from gasp_warp_mpm.kernels import CLAMPED, DRIFTED, REPORT_WIDTH, STEPS_DONE, make_kernels
-from gasp_warp_mpm.tables import Acting
+from gasp_warp_mpm.kernels import make_kernels
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, REPORT_WIDTH, STEPS_DONE, Acting
 
 __all__ = ["Cloud"]
 
@@ -171,7 +171,8 @@ class Cloud:
         if nodes > self._capacity:
             # Some room to grow into; what is never touched costs no memory.
             self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
-            tables.grid = self._empty(self._capacity, self._types.vec4)
+            # One more, because native code reads nodes four at a time.
+            tables.grid = self._empty(self._capacity + 1, self._types.vec4)
             if self._averaged:
                 tables.means = self._empty(self._capacity, self._types.vec2)
         return found.order

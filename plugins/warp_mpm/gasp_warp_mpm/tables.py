@@ -11,7 +11,13 @@ import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
 
-__all__ = ["Acting", "tables_of"]
+__all__ = ["CLAMPED", "DRIFTED", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
+
+# The report of some steps.
+DRIFTED = 0
+CLAMPED = 1
+STEPS_DONE = 2
+REPORT_WIDTH = 3
 
 
 @wp.struct

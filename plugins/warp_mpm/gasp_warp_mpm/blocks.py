@@ -1,0 +1,100 @@
+"""What happens at the nodes, block by block of 4^3 of them: emptied, divided by mass, acted upon."""
+
+# No `from __future__ import annotations`: Warp reads the types themselves.
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+from gasp_mpm_host import layout as at
+
+from gasp_warp_mpm.contact import constrain
+from gasp_warp_mpm.decompositions import algebra
+from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of
+
+__all__ = ["make_blocks"]
+
+_BLOCK_NODES = 64
+
+
+@cache
+def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
+    """Functions clear_block, divide_block, settle_block, update_block; parameters as `make_kernels`."""
+    real = wp.float64 if double else wp.float32
+    types = algebra(real)
+    vec2, vec4 = types.vec2, types.vec4
+    Tables = tables_of(real)
+    zero = real(0.0)
+    least_mass = real(0.0 if double else at.LEAST_MASS)
+
+    @wp.func
+    def block_corner(s: Tables, q: int):
+        """Place of the first node of an active block, from the grid's own first node."""
+        block = s.active[q]
+        by = s.shape[1] // 4
+        bz = s.shape[2] // 4
+        return wp.vec3i(block // (by * bz) * 4, block // bz % by * 4, block % bz * 4)
+
+    @wp.func
+    def node_of(corner: wp.vec3i, n: int):
+        return wp.vec3i(corner[0] + n // 16, corner[1] + n // 4 % 4, corner[2] + n % 4)
+
+    @wp.func
+    def row_of(s: Tables, node: wp.vec3i):
+        return (node[0] * s.shape[1] + node[1]) * s.shape[2] + node[2]
+
+    @wp.func
+    def clear_block(s: Tables, q: int):
+        corner = block_corner(s, q)
+        for n in range(_BLOCK_NODES):
+            row = row_of(s, node_of(corner, n))
+            s.grid[row] = vec4()
+            if averaged:
+                s.means[row] = vec2()
+
+    @wp.func
+    def divide_block(s: Tables, q: int):
+        """Sums over volumes to means, at the nodes of one block."""
+        corner = block_corner(s, q)
+        for n in range(_BLOCK_NODES):
+            row = row_of(s, node_of(corner, n))
+            total = s.means[row]
+            mean = real(0.0)
+            if total[1] > least_mass:
+                mean = total[0] / total[1]
+            s.means[row] = vec2(mean, total[1])
+
+    @wp.func
+    def settle_block(s: Tables, q: int):
+        """Momentum to velocity and nothing else, at the nodes of one block."""
+        corner = block_corner(s, q)
+        for n in range(_BLOCK_NODES):
+            row = row_of(s, node_of(corner, n))
+            g = s.grid[row]
+            v = vec4()
+            if g[3] > least_mass:
+                v = vec4(g[0], g[1], g[2], zero) / g[3]
+            s.grid[row] = v
+
+    @wp.func
+    def update_block(s: Tables, acting: Acting, drive_set: int, q: int):
+        """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
+        corner = block_corner(s, q)
+        for n in range(_BLOCK_NODES):
+            node = node_of(corner, n)
+            row = row_of(s, node)
+            g = s.grid[row]
+            v = vec4()
+            if g[3] > least_mass:
+                velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
+                u, held = constrain(acting, velocity, wp.vec3d(s.lower + node), drive_set)
+                v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
+                if held == 1:
+                    s.report[CLAMPED] = 1
+            s.grid[row] = v
+
+    return SimpleNamespace(
+        clear_block=clear_block,
+        divide_block=divide_block,
+        settle_block=settle_block,
+        update_block=update_block,
+    )
