@@ -7,7 +7,7 @@ reach rests: it is left out of the steps until the next sort, and costs nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -134,7 +134,10 @@ class TracerRows:
         given[self.ids] = units.world(self.cells)
         return given
 
+    def settled(self) -> Self:
+        """The rows with the cells they are in now as homes."""
+        return replace(self, homes=homes_of(self.cells))
+
     def sorted(self, order: Array) -> Self:
-        """The rows at `order` (M,), their homes where they are now."""
-        cells = self.cells[order]
-        return type(self)(cells=cells, homes=homes_of(cells), ids=self.ids[order])
+        """The rows at `order` (M,)."""
+        return replace(self, cells=self.cells[order], homes=self.homes[order], ids=self.ids[order])

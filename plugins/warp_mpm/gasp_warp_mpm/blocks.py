@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
+from gasp_core.engine.mpm import FULL_PRESENCE
 from gasp_warp_mpm.contact import constrain
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of
@@ -23,7 +24,7 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
     types = algebra(real)
     vec2, vec4 = types.vec2, types.vec4
     Tables = tables_of(real)
-    zero = real(0.0)
+    zero, one, full_presence = real(0.0), real(1.0), real(FULL_PRESENCE)
     least_mass = real(0.0 if double else at.LEAST_MASS)
 
     @wp.func
@@ -91,6 +92,9 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
                 if held == 1:
                     s.report[CLAMPED] = 1
             s.grid[row] = v
+            if s.tracer_count > 0:
+                presence = wp.min(g[3] / full_presence, one)
+                s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
 
     return SimpleNamespace(
         clear_block=clear_block,

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import arrange
+from gasp_mpm_host.cells import CellTables, arrange
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
 from gasp_mpm_host.session import FarAwayError
+from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
@@ -80,6 +81,7 @@ class Cloud:
         self._real = wp.float64 if double else wp.float32
         used = np.unique(problem.points.material_ids)
         kinds = frozenset(problem.materials[index].kind for index in used)
+        self._traced = 0 if problem.points.tracer_positions is None else len(problem.points.tracer_positions)
         self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
         self._kernels = make_kernels(double, kinds, self._averaged, atomic=atomic, native=native)
         runtime.load(self._kernels.module, device)
@@ -98,14 +100,17 @@ class Cloud:
         self._tables.materials = self._put(material_table(problem, units), wp.float64)
         self._tables.report = self._put(np.zeros(REPORT_WIDTH), wp.int32)
         self._tables.means = self._empty(1, self._types.vec2)
+        self._tables.carrier = self._empty(1, self._types.vec4)
         if restart is None:
             self._load(Rows.at_rest(problem, units, self._host_real))
+            self._load_tracers(TracerRows.at_rest(problem.points, units))
             self.sort()
             self._seed()
         else:
             rows = Rows.restored(restart, self._count, self._host_real, engine)
             self._load(rows)
-            self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            tables = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            self._wake(TracerRows.restored(restart, self._traced, engine), tables)
 
     # ---- memory -----------------------------------------------------------------------------------------------------
 
@@ -139,6 +144,17 @@ class Cloud:
             ids=self._ids,
         )
 
+    def _load_tracers(self, rows: TracerRows) -> None:
+        self._tables.tracers = self._put(rows.cells, wp.vec3d)
+        self._tables.tracer_homes = self._put(rows.homes.reshape(-1), wp.int32)
+        self._tracer_ids = rows.ids
+
+    def _tracer_rows(self) -> TracerRows:
+        tables = self._tables
+        return TracerRows(
+            cells=tables.tracers.numpy(), homes=tables.tracer_homes.numpy().reshape(-1, 3), ids=self._tracer_ids
+        )
+
     # ---- order ------------------------------------------------------------------------------------------------------
 
     def sort(self) -> None:
@@ -152,19 +168,27 @@ class Cloud:
         if not float(np.abs(self._tables.x.numpy()).max()) < _CELL_LIMIT:
             raise FarAwayError
         self._launch(self._kernels.settle, self._count)
-        order = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
-        self._launch(self._kernels.permute, self._count, self._put(order, wp.int32), *self._spare)
+        found = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
+        self._launch(self._kernels.permute, self._count, self._put(found.order, wp.int32), *self._spare)
         tables, spare = self._tables, self._spare
         self._spare = (tables.x, tables.points, tables.labels)
         tables.x, tables.points, tables.labels = spare
-        self._ids = self._ids[order]
+        self._ids = self._ids[found.order]
+        self._wake(self._tracer_rows().settled(), found)
 
-    def _tabulate(self, home: Array) -> Array:
-        """Fit the grid and the lists of blocks to the points' homes; returns the sorted order."""
-        found = arrange(home, _NODE_LIMIT)
+    def _wake(self, rows: TracerRows, found: CellTables) -> None:
+        """Sort the tracers, and make the blocks active that they read."""
+        woken = arrange_tracers(rows.homes, found)
+        self._load_tracers(rows.sorted(woken.order))
+        tables = self._tables
+        tables.tracer_count = woken.awake
+        tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
+
+    def _tabulate(self, home: Array) -> CellTables:
+        """Fit the grid and the tiles to the points' homes."""
+        found = arrange(home, _NODE_LIMIT, TRACER_MARGIN if self._traced else 0)
         tables = self._tables
         tables.lower, tables.shape = wp.vec3i(*found.lower.tolist()), wp.vec3i(*found.shape.tolist())
-        tables.active, tables.active_count = self._put(found.active, wp.int32), len(found.active)
         tables.tiles = self._put(found.tiles.reshape(-1), wp.int32)
         tables.colours = self._put(found.colour_offsets, wp.int32)
         nodes = int(np.prod(found.shape))
@@ -175,7 +199,9 @@ class Cloud:
             tables.grid = self._empty(self._capacity + 1, self._types.vec4)
             if self._averaged:
                 tables.means = self._empty(self._capacity, self._types.vec2)
-        return found.order
+            if self._traced:
+                tables.carrier = self._empty(self._capacity + 1, self._types.vec4)
+        return found
 
     # ---- stepping ---------------------------------------------------------------------------------------------------
 
@@ -264,6 +290,7 @@ class Cloud:
             self._scatter()
             self._launch(self._kernels.update, self._tables.active_count, self._acting, step)
             self._launch(self._kernels.move, self._count, self._acting)
+            self._launch(self._kernels.carry, self._tables.tracer_count, self._acting)
             if self._tables.report.numpy()[DRIFTED]:
                 return step - first + 1
         return end - first
@@ -287,9 +314,13 @@ class Cloud:
         """(N, 3, 3), in the given order."""
         return self._rows().deformation_gradients(self._fluids)
 
+    def tracer_positions(self) -> Array:
+        """(M, 3) [m], in the given order."""
+        return self._tracer_rows().positions(self.units)
+
     def checkpoint(self) -> dict[str, Array]:
         """The state, in the engine's own order and units."""
-        return self._rows().checkpoint()
+        return self._rows().checkpoint() | self._tracer_rows().checkpoint()
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""

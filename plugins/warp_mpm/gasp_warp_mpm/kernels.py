@@ -22,6 +22,7 @@ from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.survey import make_survey
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, tables_of
+from gasp_warp_mpm.tracers import make_tracers
 from gasp_warp_mpm.transfers import make_transfers
 
 __all__ = ["make_kernels"]
@@ -55,6 +56,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     blocks = make_blocks(double, averaged)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
     settle_block, update_block = blocks.settle_block, blocks.update_block
+    move_tracer = make_tracers(double, averaged, atomic=atomic, native=native).move_tracer
     lines = make_native(double, averaged)
     spread, move_elastic, move_neo_hookean = lines.spread, lines.move_elastic, lines.move_neo_hookean
     advance = make_response(double, kinds, advance=True)
@@ -215,6 +217,8 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
             groups = wp.int64((s.count + GROUP - 1) // GROUP)
             begin = int(groups * wp.int64(worker) / wp.int64(workers))
             end = int(groups * wp.int64(worker + 1) / wp.int64(workers))
+            first_tracer = int(wp.int64(s.tracer_count) * wp.int64(worker) / wp.int64(workers))
+            last_tracer = int(wp.int64(s.tracer_count) * wp.int64(worker + 1) / wp.int64(workers))
             for step in range(count):
                 if s.report[DRIFTED] == 0:
                     scatter_tiles(s, worker, workers, meeting, yield_address)
@@ -227,6 +231,8 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
                         else:
                             for p in range(GROUP * group, wp.min(GROUP * (group + 1), s.count)):
                                 move_point(s, acting, p)
+                    for p in range(first_tracer, last_tracer):
+                        move_tracer(s, acting, p)
                     if worker == 0:
                         s.report[STEPS_DONE] = s.report[STEPS_DONE] + 1
                     wait_for_all(meeting, workers, yield_address)
@@ -269,6 +275,11 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         def move(s: Tables, acting: Acting):
             """Grid to a point."""
             move_point(s, acting, wp.tid())
+
+        @wp.kernel(module=module, enable_backward=False)
+        def carry(s: Tables, acting: Acting):
+            """Carry a tracer."""
+            move_tracer(s, acting, wp.tid())
 
     @wp.kernel(module=module, enable_backward=False)
     def settle_nodes(s: Tables):
@@ -326,7 +337,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     )
     if atomic:
         kernels.clear, kernels.average, kernels.divide = clear, average, divide
-        kernels.scatter_point, kernels.update, kernels.move = scatter_point, update, move
+        kernels.scatter_point, kernels.update, kernels.move, kernels.carry = scatter_point, update, move, carry
     else:
         kernels.steps, kernels.scatter_in_order = steps, scatter_in_order
     return kernels

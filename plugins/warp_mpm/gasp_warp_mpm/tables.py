@@ -59,5 +59,9 @@ def tables_of(real: Any) -> Any:
         tiles: wp.array(dtype=wp.int32)
         colours: wp.array(dtype=wp.int32)
         report: wp.array(dtype=wp.int32)
+        tracers: wp.array(dtype=wp.vec3d)
+        tracer_homes: wp.array(dtype=wp.int32)
+        tracer_count: int
+        carrier: wp.array(dtype=types.vec4)
 
     return Tables
