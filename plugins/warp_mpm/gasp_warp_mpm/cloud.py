@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -122,6 +123,9 @@ class Cloud:
 
     def _launch(self, kernel: Any, size: int, *inputs: Any) -> None:
         wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device)
+
+    def _command(self, kernel: Any, size: int, *inputs: Any) -> Any:
+        return wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device, record_cmd=True)
 
     def _load(self, rows: Rows) -> None:
         tables = self._tables
@@ -275,11 +279,12 @@ class Cloud:
     def _steps_in_threads(self, first: int, end: int) -> None:
         def share(worker: int) -> Any:
             mine = [first, end - first, worker, self._threads, self._meeting, self._yield_address]
-            inputs = [self._tables, self._acting, *mine]
-            return wp.launch(self._kernels.steps, dim=1, inputs=inputs, device=self._device, record_cmd=True)
+            return self._command(self._kernels.steps, 1, self._acting, *mine)
 
-        # Every share is made before the first begins: one that never came would leave the others waiting.
-        shares = [share(worker) for worker in range(self._threads)]
+        self._together([share(worker) for worker in range(self._threads)])
+
+    def _together(self, shares: Sequence[Any]) -> None:
+        """Launch kernels at once, a thread each. All of them are made before: if one never came, others might wait."""
         others = [self._pool.submit(each.launch) for each in shares[1:]] if self._pool else []
         shares[0].launch()
         for other in others:
@@ -299,7 +304,14 @@ class Cloud:
 
     def survey(self) -> Survey:
         """Look at every point."""
-        self._launch(self._kernels.survey, self._chunks, self._chart)
+        ends = [self._chunks * worker // self._threads for worker in range(self._threads + 1)]
+        self._together(
+            [
+                self._command(self._kernels.survey, end - begin, self._chart, begin)
+                for begin, end in pairwise(ends)
+                if end > begin
+            ]
+        )
         return Survey.of(self._chart.numpy().reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def positions(self) -> Array:

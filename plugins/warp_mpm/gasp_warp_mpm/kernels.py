@@ -16,7 +16,7 @@ import warp as wp
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import COLOURS
 
-from gasp_warp_mpm.barrier import wait_for_all
+from gasp_warp_mpm.barrier import take_next, wait_for_all
 from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.native import GROUP, make_native
@@ -26,6 +26,10 @@ from gasp_warp_mpm.tracers import make_tracers
 from gasp_warp_mpm.transfers import make_transfers
 
 __all__ = ["make_kernels"]
+
+_BLOCKS = 8
+_POINTS = 512
+"""What a thread takes at a time."""
 
 
 @cache
@@ -48,6 +52,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     real = wp.float64 if double else wp.float32
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
+    Meeting = wp.array(dtype=wp.int32)
     transfers = make_transfers(double, averaged, atomic=atomic, native=native)
     row9, write9, write_stress = transfers.row9, transfers.write9, transfers.write_stress
     material_row, gather, scatter = transfers.material_row, transfers.gather, transfers.scatter
@@ -56,7 +61,8 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     blocks = make_blocks(double, averaged)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
     settle_block, update_block = blocks.settle_block, blocks.update_block
-    move_tracer = make_tracers(double, averaged, atomic=atomic, native=native).move_tracer
+    tracers = make_tracers(double, averaged, atomic=atomic, native=native)
+    carry_one, carry_some = tracers.carry_one, tracers.carry_some
     lines = make_native(double, averaged)
     spread, move_elastic, move_neo_hookean = lines.spread, lines.move_elastic, lines.move_neo_hookean
     advance = make_response(double, kinds, advance=True)
@@ -69,7 +75,9 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     name = f"{'f64' if double else 'f32'}_{kind_names}{'_averaged' * averaged}{'_atomic' * atomic}{'_native' * native}"
     module = wp.get_module(f"gasp_warp_mpm_{name}")
     # Loops along the three axes are unrolled and no others: eight copies of a scatter take long to compile.
-    module.options.update(enable_backward=False, max_unroll=3)
+    # A product and a sum are one operation where the processor has it: Clang does not contract them unless it is told.
+    flags = f"{wp.config.cpu_compiler_flags or '-march=native'} -ffp-contract=fast"
+    module.options.update(enable_backward=False, max_unroll=3, cpu_compiler_flags=flags)
 
     # ---- points -----------------------------------------------------------------------------------------------------
 
@@ -142,7 +150,9 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     @wp.func
     def move_group(s: Tables, acting: Acting, begin: int):
         """Points begin .. begin + GROUP: those of one material together, where there is a native body for it."""
-        row = common_row(s, begin)
+        row = int(-1)
+        if native:
+            row = common_row(s, begin)
         kind = int(-1)
         if row >= 0:
             kind = int(s.materials[row + at.KIND])
@@ -176,28 +186,74 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
             for p in range(begin, end):
                 scatter(s, p)
 
-    # ---- in threads: each takes its share of every phase and waits for the others -----------------------------------
+    # ---- in threads: each takes a share of every phase and waits for the others -------------------------------------
 
     @wp.func
-    def scatter_tiles(
-        s: Tables, worker: int, workers: int, meeting: wp.array(dtype=wp.int32), yield_address: wp.uint64
-    ):
+    def clear_share(s: Tables, meeting: Meeting):
+        q = take_next(meeting, _BLOCKS)
+        while q < s.active_count:
+            for block in range(q, wp.min(q + _BLOCKS, s.active_count)):
+                clear_block(s, block)
+            q = take_next(meeting, _BLOCKS)
+
+    @wp.func
+    def divide_share(s: Tables, meeting: Meeting):
+        q = take_next(meeting, _BLOCKS)
+        while q < s.active_count:
+            for block in range(q, wp.min(q + _BLOCKS, s.active_count)):
+                divide_block(s, block)
+            q = take_next(meeting, _BLOCKS)
+
+    @wp.func
+    def update_share(s: Tables, acting: Acting, drive_set: int, meeting: Meeting):
+        q = take_next(meeting, _BLOCKS)
+        while q < s.active_count:
+            for block in range(q, wp.min(q + _BLOCKS, s.active_count)):
+                update_block(s, acting, drive_set, block)
+            q = take_next(meeting, _BLOCKS)
+
+    @wp.func
+    def average_share(s: Tables, colour: int, meeting: Meeting):
+        q = s.colours[colour] + take_next(meeting, 1)
+        while q < s.colours[colour + 1]:
+            for p in range(s.tiles[2 * q], s.tiles[2 * q + 1]):
+                scatter_dilation(s, p)
+            q = s.colours[colour] + take_next(meeting, 1)
+
+    @wp.func
+    def scatter_share(s: Tables, colour: int, meeting: Meeting):
+        q = s.colours[colour] + take_next(meeting, 1)
+        while q < s.colours[colour + 1]:
+            scatter_tile(s, s.tiles[2 * q], s.tiles[2 * q + 1])
+            q = s.colours[colour] + take_next(meeting, 1)
+
+    @wp.func
+    def move_share(s: Tables, acting: Acting, meeting: Meeting):
+        p = take_next(meeting, _POINTS)
+        while p < s.count:
+            for group in range(_POINTS // GROUP):
+                if p + group * GROUP < s.count:
+                    move_group(s, acting, p + group * GROUP)
+            p = take_next(meeting, _POINTS)
+        # The numbers go on: tracers come after the points.
+        points = (s.count + _POINTS - 1) // _POINTS * _POINTS
+        while p - points < s.tracer_count:
+            carry_some(s, acting, p - points, wp.min(p - points + _POINTS, s.tracer_count))
+            p = take_next(meeting, _POINTS)
+
+    @wp.func
+    def scatter_tiles(s: Tables, workers: int, meeting: Meeting, yield_address: wp.uint64):
         """Points to an empty grid. Tiles of one colour write disjoint nodes, each in the order of its points."""
-        for q in range(worker, s.active_count, workers):
-            clear_block(s, q)
+        clear_share(s, meeting)
         wait_for_all(meeting, workers, yield_address)
         if averaged:
             for colour in range(COLOURS):
-                for q in range(s.colours[colour] + worker, s.colours[colour + 1], workers):
-                    for p in range(s.tiles[2 * q], s.tiles[2 * q + 1]):
-                        scatter_dilation(s, p)
+                average_share(s, colour, meeting)
                 wait_for_all(meeting, workers, yield_address)
-            for q in range(worker, s.active_count, workers):
-                divide_block(s, q)
+            divide_share(s, meeting)
             wait_for_all(meeting, workers, yield_address)
         for colour in range(COLOURS):
-            for q in range(s.colours[colour] + worker, s.colours[colour + 1], workers):
-                scatter_tile(s, s.tiles[2 * q], s.tiles[2 * q + 1])
+            scatter_share(s, colour, meeting)
             wait_for_all(meeting, workers, yield_address)
 
     if not atomic:
@@ -210,37 +266,24 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
             count: int,
             worker: int,
             workers: int,
-            meeting: wp.array(dtype=wp.int32),
+            meeting: Meeting,
             yield_address: wp.uint64,
         ):
             """Up to `count` steps; stops after one that leaves a point too far from home. One launch a thread."""
-            groups = wp.int64((s.count + GROUP - 1) // GROUP)
-            begin = int(groups * wp.int64(worker) / wp.int64(workers))
-            end = int(groups * wp.int64(worker + 1) / wp.int64(workers))
-            first_tracer = int(wp.int64(s.tracer_count) * wp.int64(worker) / wp.int64(workers))
-            last_tracer = int(wp.int64(s.tracer_count) * wp.int64(worker + 1) / wp.int64(workers))
             for step in range(count):
                 if s.report[DRIFTED] == 0:
-                    scatter_tiles(s, worker, workers, meeting, yield_address)
-                    for q in range(worker, s.active_count, workers):
-                        update_block(s, acting, first + step, q)
+                    scatter_tiles(s, workers, meeting, yield_address)
+                    update_share(s, acting, first + step, meeting)
                     wait_for_all(meeting, workers, yield_address)
-                    for group in range(begin, end):
-                        if native:
-                            move_group(s, acting, GROUP * group)
-                        else:
-                            for p in range(GROUP * group, wp.min(GROUP * (group + 1), s.count)):
-                                move_point(s, acting, p)
-                    for p in range(first_tracer, last_tracer):
-                        move_tracer(s, acting, p)
+                    move_share(s, acting, meeting)
                     if worker == 0:
                         s.report[STEPS_DONE] = s.report[STEPS_DONE] + 1
                     wait_for_all(meeting, workers, yield_address)
 
         @wp.kernel(module=module, enable_backward=False)
-        def scatter_in_order(s: Tables, meeting: wp.array(dtype=wp.int32)):
+        def scatter_in_order(s: Tables, meeting: Meeting):
             """Points to an empty grid, in the calling thread."""
-            scatter_tiles(s, 0, 1, meeting, wp.uint64(0))
+            scatter_tiles(s, 1, meeting, wp.uint64(0))
 
     # ---- phase by phase ---------------------------------------------------------------------------------------------
 
@@ -279,7 +322,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         @wp.kernel(module=module, enable_backward=False)
         def carry(s: Tables, acting: Acting):
             """Carry a tracer."""
-            move_tracer(s, acting, wp.tid())
+            carry_one(s, acting, wp.tid())
 
     @wp.kernel(module=module, enable_backward=False)
     def settle_nodes(s: Tables):

@@ -36,6 +36,7 @@ _PRELUDE = (
     + f", CLAMPED = {CLAMPED}, DRIFTED = {DRIFTED}, GROUP = {GROUP}"
     + " };"
     + """
+    #define FOUR(x, k) __builtin_shufflevector(x, x, 4*k, 4*k+1, 4*k+2, 4*k+3)
     typedef REAL quad __attribute__((ext_vector_type(4), aligned(sizeof(REAL))));
     typedef REAL line __attribute__((ext_vector_type(16), aligned(sizeof(REAL))));
     typedef double place4 __attribute__((ext_vector_type(4)));
@@ -78,16 +79,16 @@ _SPREAD = """
     REAL tile[SIDE * SLAB + 4] __attribute__((aligned(64))) = {0};
     cell4 lowest = {SIDE, SIDE, SIDE, 0}, highest = {0, 0, 0, 0};
     const REAL step = (REAL)s.step;
-    const line nothing = 0;
-    #define COLUMN(a, b, c) __builtin_shufflevector(given, nothing, a,b,c,16, a,b,c,16, a,b,c,16, 16,16,16,16)
+    #define COLUMN(a, b, c) __builtin_shufflevector(given, given, a,b,c,9, a,b,c,9, a,b,c,9, 9,9,9,9)
     for (int p = begin; p < end; ++p) {
         STENCIL
         const cell4 inside = cell - corner;
         lowest = __builtin_elementwise_min(lowest, inside);
         highest = __builtin_elementwise_max(highest, inside);
         const REAL* const point = points + (index)p * POINT_WIDTH;
-        // C, the mass and the stress lie side by side.
-        const line given = *(const line*)(point + AFFINE) PRESSURE;
+        // C, the mass and the stress lie side by side; the mass makes room for the nought of a column's fourth lane.
+        line given = *(const line*)(point + AFFINE) PRESSURE;
+        given[MASS - AFFINE] = 0;
         const REAL m = point[MASS], fold = -step * FOLDED, pull = step * m * SHARED;
         const line tx = COLUMN(10, 13, 14), ty = COLUMN(13, 11, 15), tz = COLUMN(14, 15, 12);
         const line ax = COLUMN(0, 3, 6) + fold * tx, ay = COLUMN(1, 4, 7) + fold * ty, az = COLUMN(2, 5, 8) + fold * tz;
@@ -97,16 +98,14 @@ _SPREAD = """
         const line u = THRICE(own) + way[0] * ax + way[1] * ay + way[2] * az;
         const line W = ALONG(low[2], middle[2], high[2]), D = ALONG(-before[2], slope[2], after[2]);
         const line mW = m * W, mK = mW * ALONG(-1, 0, 1);
-        const line still = mW * u + mK * az + D * (pull * tz);
-        const line alongx = mW * ax, alongy = mW * ay, px = W * (pull * tx), py = W * (pull * ty);
+        const line pW = pull * W, pD = pull * D;
+        const line still = mW * u + mK * az + pD * tz;
+        const line alongx = mW * ax, alongy = mW * ay, px = pW * tx, py = pW * ty;
         const line q0 = -before[1] * py - low[1] * alongy, q1 = slope[1] * py, q2 = after[1] * py + high[1] * alongy;
         REAL* const node = tile + SLAB * inside[0] + ROW * inside[1] + 4 * inside[2];
         #define GIVE(i, j, q, wx, wy) { \\
-            REAL* const here = node + SLAB * i + ROW * j; \\
-            const line sum = wy * b + wx * q; \\
-            *(quad*)here = *(quad*)here + __builtin_shufflevector(sum, sum, 0,1,2,3); \\
-            *(quad*)(here + 4) = *(quad*)(here + 4) + __builtin_shufflevector(sum, sum, 4,5,6,7); \\
-            *(quad*)(here + 8) = *(quad*)(here + 8) + __builtin_shufflevector(sum, sum, 8,9,10,11); }
+            line* const here = (line*)(node + SLAB * i + ROW * j); \\
+            *here = (*here + wx * q) + wy * b; }
         #define SHEET(i, w, sheet) { const line b = sheet; \\
             GIVE(i, 0, q0, w, low[1]) GIVE(i, 1, q1, w, middle[1]) GIVE(i, 2, q2, w, high[1]) }
         SHEET(0, low[0], low[0] * (still - alongx) - before[0] * px)
@@ -136,28 +135,26 @@ _COLLECT = """
         const REAL* const node = nodes + sx * cell[0] + sy * cell[1] + 4 * (index)cell[2];
         const quad centre = *(const quad*)(node + sx + sy + 4);
         const line still = THRICE(centre);
-        line value[3], affine[3], rate[3];
+        line value[3], ya = 0, yb = 0;
         for (int i = 0; i < 3; ++i) {
             // A line has room for four nodes; the fourth is read and not used.
             const line mid = *(const line*)(node + sx * i + sy);
             const line a = *(const line*)(node + sx * i) - mid, b = *(const line*)(node + sx * i + 2 * sy) - mid;
+            const REAL w = (i == 0 ? low : i == 1 ? middle : high)[0];
             value[i] = (mid - still) + low[1] * a + high[1] * b;
-            affine[i] = clow[1] * a + chigh[1] * b;
-            rate[i] = llow[1] * a + lhigh[1] * b;
+            ya += w * a;
+            yb += w * b;
         }
-        const line a = value[0] - value[1], b = value[2] - value[1];
-        #define PART(x, k) __builtin_shufflevector(x, x, 4*k, 4*k+1, 4*k+2, 4*k+3)
-        #define OVER(x) (low[2] * PART(x, 0) + middle[2] * PART(x, 1) + high[2] * PART(x, 2))
-        const line velocity = value[1] + low[0] * a + high[0] * b;
-        const line cxs = clow[0] * a + chigh[0] * b, lxs = llow[0] * a + lhigh[0] * b;
-        const line cys = low[0] * affine[0] + middle[0] * affine[1] + high[0] * affine[2];
-        const line lys = low[0] * rate[0] + middle[0] * rate[1] + high[0] * rate[2];
-        const quad cx = OVER(cxs), cy = OVER(cys), lx = OVER(lxs), ly = OVER(lys);
-        const quad m = PART(velocity, 1), da = PART(velocity, 0) - m, db = PART(velocity, 2) - m;
-        const quad cz = clow[2] * da + chigh[2] * db, lz = llow[2] * da + lhigh[2] * db;
-        quad v = centre + (m + low[2] * da + high[2] * db);
+        const line xa = value[0] - value[1], xb = value[2] - value[1];
+        const line velocity = value[1] + low[0] * xa + high[0] * xb;
+        #define OVER(x) (low[2] * FOUR(x, 0) + middle[2] * FOUR(x, 1) + high[2] * FOUR(x, 2))
+        const quad sxa = OVER(xa), sxb = OVER(xb), sya = OVER(ya), syb = OVER(yb);
+        const quad m = FOUR(velocity, 1), za = FOUR(velocity, 0) - m, zb = FOUR(velocity, 2) - m;
+        const quad cx = clow[0] * sxa + chigh[0] * sxb, lx = llow[0] * sxa + lhigh[0] * sxb;
+        const quad cy = clow[1] * sya + chigh[1] * syb, ly = llow[1] * sya + lhigh[1] * syb;
+        const quad cz = clow[2] * za + chigh[2] * zb, lz = llow[2] * za + lhigh[2] * zb;
+        quad v = centre + (m + low[2] * za + high[2] * zb);
         #undef OVER
-        #undef PART
 """
 
 _MOVE = """

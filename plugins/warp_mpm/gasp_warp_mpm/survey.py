@@ -15,7 +15,7 @@ __all__ = ["make_survey"]
 
 @cache
 def make_survey(double: bool, module: Any) -> Any:
-    """Kernel (tables, chart), a chunk of points a thread, in Warp's module `module`."""
+    """Kernel (tables, chart, first chunk), a chunk of points a thread, in Warp's module `module`."""
     real = wp.float64 if double else wp.float32
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
@@ -71,9 +71,9 @@ def make_survey(double: bool, module: Any) -> Any:
         return factor
 
     @wp.kernel(module=module, enable_backward=False)
-    def survey(s: Tables, chart: wp.array(dtype=wp.float64)):
+    def survey(s: Tables, chart: wp.array(dtype=wp.float64), first: int):
         """A row per chunk of points: maxima, extents, and what is not finite."""
-        chunk = wp.tid()
+        chunk = first + wp.tid()
         begin = chunk * at.SURVEY_CHUNK
         stiffness = wp.float64(0.0)
         speed = wp.float64(0.0)

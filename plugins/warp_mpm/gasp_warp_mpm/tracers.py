@@ -17,53 +17,74 @@ from gasp_warp_mpm.transfers import make_transfers
 
 __all__ = ["make_tracers"]
 
-# A line of nodes along z is one vector; it has room for a fourth node, which is read and not used.
-_SUM = """
+# What `carry_one` does. A line of nodes along z is one vector; it has room for a fourth node, which is read and not
+# used.
+_CARRY = """
     typedef REAL quad __attribute__((ext_vector_type(4), aligned(sizeof(REAL))));
     typedef REAL line __attribute__((ext_vector_type(16), aligned(sizeof(REAL))));
-    const REAL* const nodes = (const REAL*)s.carrier.data + 4 * (long long)first;
-    line sum = 0;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            sum += (w.data[i][0] * w.data[j][1]) * *(const line*)(nodes + 4 * ((long long)i * sx + (long long)j * sy));
-    const quad all = w.data[0][2] * __builtin_shufflevector(sum, sum, 0,1,2,3)
-        + w.data[1][2] * __builtin_shufflevector(sum, sum, 4,5,6,7)
-        + w.data[2][2] * __builtin_shufflevector(sum, sum, 8,9,10,11);
-    wp::vec_t<4, REAL> found;
-    *(quad*)&found = all;
-    return found;
+    typedef double place4 __attribute__((ext_vector_type(4)));
+    typedef int cell4 __attribute__((ext_vector_type(4)));
+    const cell4 grid_low = {s.lower[0], s.lower[1], s.lower[2], 0};
+    const long long sy = 4 * (long long)s.shape[2], sx = sy * s.shape[1];
+    const place4 low_wall = {acting.wall_low[0], acting.wall_low[1], acting.wall_low[2], 0};
+    const place4 high_wall = {acting.wall_high[0], acting.wall_high[1], acting.wall_high[2], 0};
+    bool away = false;
+    for (long long p = begin; p < end; ++p) {
+        double* const at = (double*)s.tracers.data + 3 * p;
+        const int* const home = (const int*)s.tracer_homes.data + 3 * p;
+        place4 place = {at[0], at[1], at[2], 0.5};
+        const place4 base = __builtin_elementwise_floor(place - 0.5);
+        const quad offset = __builtin_convertvector(place - base, quad);
+        const cell4 cell = __builtin_convertvector(base, cell4) - grid_low;
+        const quad before = (REAL)1.5 - offset, after = offset - (REAL)0.5;
+        const quad low = (REAL)0.5 * before * before, high = (REAL)0.5 * after * after, middle = 1 - (low + high);
+        const REAL* node = (const REAL*)s.carrier.data + sx * cell[0] + sy * cell[1] + 4 * (long long)cell[2];
+        line sum = 0;
+        for (int i = 0; i < 3; ++i, node += sx) {
+            const line sheet = low[1] * *(const line*)node + middle[1] * *(const line*)(node + sy)
+                + high[1] * *(const line*)(node + 2 * sy);
+            sum += (i == 0 ? low : i == 1 ? middle : high)[0] * sheet;
+        }
+        const quad total = low[2] * __builtin_shufflevector(sum, sum, 0,1,2,3)
+            + middle[2] * __builtin_shufflevector(sum, sum, 4,5,6,7)
+            + high[2] * __builtin_shufflevector(sum, sum, 8,9,10,11);
+        if (!(total[3] > 0) || (total[0] == 0 && total[1] == 0 && total[2] == 0)) continue;
+        const quad velocity = total / total[3];
+        place += s.step * __builtin_convertvector(velocity, place4);
+        if (acting.clamp == 1)
+            place = __builtin_elementwise_min(__builtin_elementwise_max(place, low_wall), high_wall);
+        at[0] = place[0], at[1] = place[1], at[2] = place[2];
+        // NaN fails either comparison.
+        for (int d = 0; d < 3; ++d) {
+            const double drift = place[d] - 0.5 - home[d];
+            away |= !(drift >= -1.0 && drift < 2.0);
+        }
+    }
+    if (away) ((int*)s.report.data)[DRIFTED] = 1;
 """
 
 
 @cache
 def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
-    """Function move_tracer; parameters as `make_kernels`."""
+    """Functions carry_one (tables, acting, tracer) and carry_some (tables, acting, begin, end).
+
+    Of those that something can move. Parameters as `make_kernels`.
+    """
     real = wp.float64 if double else wp.float32
     types = algebra(real)
-    vec3, vec4, mat33 = types.vec3, types.vec4, types.mat33
+    vec3, vec4 = types.vec3, types.vec4
     Tables = tables_of(real)
     weights = make_transfers(double, averaged, atomic=atomic, native=native).weights
     zero = real(0.0)
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
 
-    @wp.func_native(_SUM.replace("REAL", "double" if double else "float"))
-    def lines_around(s: Tables, first: int, sx: int, sy: int, w: mat33) -> vec4:
-        """`sum_around`, a line of nodes at once."""
+    @wp.func_native(_CARRY.replace("REAL", "double" if double else "float").replace("DRIFTED", str(DRIFTED)))
+    def carry_in_lines(s: Tables, acting: Acting, begin: int, end: int):
+        """`carry_one` of the tracers begin .. end."""
 
     @wp.func
-    def sum_around(s: Tables, first: int, sx: int, sy: int, w: mat33):
-        """sum w h v over the 27 nodes, and sum w h."""
-        total = vec4()
-        for i in range(3):
-            for j in range(3):
-                line = first + i * sx + j * sy
-                part = w[0, 2] * s.carrier[line] + w[1, 2] * s.carrier[line + 1] + w[2, 2] * s.carrier[line + 2]
-                total = total + (w[i, 0] * w[j, 1]) * part
-        return total
-
-    @wp.func
-    def move_tracer(s: Tables, acting: Acting, p: int):
-        """Carry one of the tracers that something can move."""
+    def carry_one(s: Tables, acting: Acting, p: int):
+        """Move a tracer by sum w h v / sum w h over the 27 nodes around it."""
         place = s.tracers[p]
         bx = wp.floor(place[0] - half_cell)
         by = wp.floor(place[1] - half_cell)
@@ -72,14 +93,16 @@ def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
         sy = s.shape[2]
         sx = s.shape[1] * sy
         first = (int(bx) - s.lower[0]) * sx + (int(by) - s.lower[1]) * sy + (int(bz) - s.lower[2])
-        if native:
-            total = lines_around(s, first, sx, sy, w)
-        else:
-            total = sum_around(s, first, sx, sy, w)
+        total = vec4()
+        for i in range(3):
+            for j in range(3):
+                line = first + i * sx + j * sy
+                part = w[0, 2] * s.carrier[line] + w[1, 2] * s.carrier[line + 1] + w[2, 2] * s.carrier[line + 2]
+                total = total + (w[i, 0] * w[j, 1]) * part
         if total[3] > zero:
             v = vec3(total[0], total[1], total[2]) / total[3]
             # One that nothing moves may stay outside the walls.
-            if wp.dot(v, v) > zero:
+            if v[0] != zero or v[1] != zero or v[2] != zero:
                 place = place + s.step * wp.vec3d(v)
                 if acting.clamp == 1:
                     place = wp.min(wp.max(place, acting.wall_low), acting.wall_high)
@@ -92,4 +115,12 @@ def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
                 if near < 3:
                     s.report[DRIFTED] = 1
 
-    return SimpleNamespace(move_tracer=move_tracer)
+    @wp.func
+    def carry_some(s: Tables, acting: Acting, begin: int, end: int):
+        if native:
+            carry_in_lines(s, acting, begin, end)
+        else:
+            for p in range(begin, end):
+                carry_one(s, acting, p)
+
+    return SimpleNamespace(carry_one=carry_one, carry_some=carry_some)
