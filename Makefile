@@ -46,6 +46,8 @@ test: check ## Everything that has to be true, in under 15 minutes on two cores
 	@$(BIN)/gasp-conformance reference-mpm --quick
 	@$(BIN)/gasp-conformance taichi-mpm --quick --oracle reference-mpm
 	@$(BIN)/gasp-conformance taichi-mpm --quick --oracle reference-mpm --precision float64
+	@$(BIN)/gasp-conformance warp-mpm --quick --oracle reference-mpm
+	@$(BIN)/gasp-conformance warp-mpm --quick --oracle reference-mpm --precision float64
 
 .PHONY: matrix
 matrix: $(STAMP) ## The whole suite on every engine; its verdicts go into the README
@@ -53,6 +55,8 @@ matrix: $(STAMP) ## The whole suite on every engine; its verdicts go into the RE
 	-@$(BIN)/gasp-conformance reference-mpm --json build/conformance/reference-mpm.json
 	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --json build/conformance/taichi-mpm-float32.json
 	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --precision float64 --json build/conformance/taichi-mpm-float64.json
+	-@$(BIN)/gasp-conformance warp-mpm --oracle reference-mpm --json build/conformance/warp-mpm-float32.json
+	-@$(BIN)/gasp-conformance warp-mpm --oracle reference-mpm --precision float64 --json build/conformance/warp-mpm-float64.json
 	@$(BIN)/python -m gasp_conformance.matrix build/conformance/*.json --into README.md
 
 .PHONY: template

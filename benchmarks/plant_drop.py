@@ -1,6 +1,6 @@
 """A real potted plant, 113,648 Gaussians, dropped on a floor: does it arrive, and what does it cost?
 
-    GASP_DATA=... python benchmarks/plant_drop.py [--engine taichi-mpm] [--resolution 64] [--out FOLDER]
+    GASP_DATA=... python benchmarks/plant_drop.py [--engine warp-mpm] [--resolution 64] [--out FOLDER]
 
 The plant is 0.4 m tall, elastic, and falls 0.3 m on a floor with friction; 2 s at 25 frames a second; triangles, so
 340,944 points.
@@ -45,7 +45,7 @@ def plant_scene(arguments):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--engine", default="taichi-mpm")
+    parser.add_argument("--engine", default="warp-mpm")
     parser.add_argument("--resolution", type=int, default=64)
     parser.add_argument("--youngs-modulus", type=float, default=2e5)
     parser.add_argument("--duration", type=float, default=2.0)

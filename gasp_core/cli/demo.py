@@ -32,7 +32,7 @@ _FAST = Setting(gaussians=10_000, resolution=24, duration=1.2)
 # The reference engine is written to be read, not to be quick: the same fall in minutes, not hours.
 _SLOW = Setting(gaussians=1_000, resolution=10, duration=0.8)
 
-_PREFERRED = {"taichi-mpm": _FAST, "reference-mpm": _SLOW}
+_PREFERRED = {"warp-mpm": _FAST, "taichi-mpm": _FAST, "reference-mpm": _SLOW}
 """In this order, where installed; any other engine that is ready comes after them."""
 
 
@@ -127,7 +127,7 @@ def setting_for(engine: str | None, registry: Registry) -> tuple[str, Setting]:
     for name in [*_PREFERRED, *ready]:
         if name in ready:
             return name, _PREFERRED.get(name, _FAST)
-    raise UnknownEngineError('no engine is ready: "gasp engines" says why; or pip install gasp-taichi-mpm')
+    raise UnknownEngineError('no engine is ready: "gasp engines" says why; or pip install gasp-warp-mpm')
 
 
 def scene_text(engine: str, setting: Setting) -> str:

@@ -37,7 +37,7 @@ def engines(as_json: bool) -> None:
     elif rows:
         _print_for_people(rows)
     else:
-        click.echo("No engine is installed. To get one: pip install gasp-taichi-mpm")
+        click.echo("No engine is installed. To get one: pip install gasp-warp-mpm")
 
 
 def _print_for_people(rows: list[EngineRow]) -> None:

@@ -179,7 +179,7 @@ class EngineChoice:
         What only this engine has; checked against its own option class when it is opened.
     """
 
-    name: str = "taichi-mpm"
+    name: str = "warp-mpm"
     device: str | None = None
     precision: Precision | None = None
     seed: int = 0

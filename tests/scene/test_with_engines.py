@@ -43,7 +43,7 @@ def drop(cloud):
     return make
 
 
-@pytest.mark.parametrize("engine", ["reference-mpm", "taichi-mpm"])
+@pytest.mark.parametrize("engine", ["reference-mpm", "taichi-mpm", "warp-mpm"])
 def test_a_toy_falls_and_a_stopped_run_goes_on_to_the_same(engine, drop, tmp_path):
     _ready(engine)
     whole = run_scene(drop(engine), out=tmp_path / "whole.gasp")

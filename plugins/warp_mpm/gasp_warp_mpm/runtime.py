@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -30,6 +32,27 @@ def _quiet() -> Iterator[None]:
             warp.config.log_level = before
 
 
+@contextlib.contextmanager
+def _without_talk_of_drivers() -> Iterator[None]:
+    """Withhold one line that Warp's library writes to the process's standard error where there is no CUDA driver.
+
+    Nobody asked for a GPU. Whatever else is written meanwhile is handed on.
+    """
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as held:
+        before = os.dup(2)
+        os.dup2(held.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            held.seek(0)
+            for line in held:
+                if b"CUDA driver" not in line:
+                    os.write(2, line)
+
+
 def device_for(device: str) -> Any:
     """Warp's device of this name, Warp being started where it is not yet.
 
@@ -43,7 +66,8 @@ def device_for(device: str) -> Any:
     if device not in ("cpu", "cuda"):
         raise SceneError(f'engine warp-mpm has no device {device!r}: use "cpu" or "cuda"')
     with _quiet():
-        warp.init()
+        with _without_talk_of_drivers() if device == "cpu" else contextlib.nullcontext():
+            warp.init()
         if device == "cuda" and not warp.is_cuda_available():
             raise EngineEnvironmentError(
                 'engine warp-mpm: device "cuda" was asked for, but Warp finds no CUDA GPU here: use device "cpu",'
