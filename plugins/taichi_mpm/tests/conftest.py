@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gasp_taichi_mpm import runtime
+from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.engine import TaichiMpm
 
 pytest.register_assert_rewrite("gasp_mpm_host.testing")
@@ -15,7 +15,7 @@ def kit():
     return Kit(
         engine_open=TaichiMpm().open,
         rows=lambda session: session._cloud._rows(),
-        nodes=lambda session: int(np.prod(session._cloud._control[3:6])),
+        nodes=lambda session: int(np.prod(session._cloud._control[words.SHAPE : words.SHAPE + 3])),
     )
 
 
