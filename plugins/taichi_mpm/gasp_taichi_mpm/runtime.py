@@ -14,8 +14,7 @@ import threading
 import warnings
 from typing import Any
 
-from gasp_mpm_host.options import processors
-
+from gasp_core.engine.threads import processors
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 __all__ = ["acquire", "release", "taichi"]

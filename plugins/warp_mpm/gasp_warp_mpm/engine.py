@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from gasp_mpm_host.options import ThreadOptions
 from gasp_mpm_host.session import MpmSession
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
+from gasp_core.engine.threads import ThreadOptions
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 

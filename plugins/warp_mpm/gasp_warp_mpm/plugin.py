@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_mpm_host.options import ThreadOptions
-
 from gasp_core.engine.contract import (
     Determinism,
     EngineCapabilities,
@@ -18,6 +16,7 @@ from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Imp
 from gasp_core.engine.hookspecs import hookimpl
 from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.engine.threads import ThreadOptions
 
 __all__ = ["gasp_point_engines"]
 

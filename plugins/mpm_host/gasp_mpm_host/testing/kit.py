@@ -27,8 +27,8 @@ from gasp_core.engine.materials import (
     Snow,
 )
 from gasp_core.engine.shapes import HalfSpace
+from gasp_core.engine.threads import ThreadOptions
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.options import ThreadOptions
 from gasp_mpm_host.rows import Rows
 from gasp_mpm_host.session import MpmSession
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gasp_core.engine import threads
 from gasp_core.engine.contract import Field, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Impulse, Pinned, Side
 from gasp_core.engine.materials import Elastic
 from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.engine.threads import ThreadOptions
 from gasp_core.errors import SceneError
 from gasp_mpm_host import layout as at
-from gasp_mpm_host import options
-from gasp_mpm_host.options import ThreadOptions
 from gasp_mpm_host.testing.kit import falling, nothing_acts, same
 
 __all__ = ["SessionTests"]
@@ -24,7 +24,7 @@ class SessionTests:
     @pytest.fixture
     def pool_of_four(self, monkeypatch):
         """Let up to four threads be asked for, whatever the machine has."""
-        monkeypatch.setattr(options, "processors", lambda: 4)
+        monkeypatch.setattr(threads, "processors", lambda: 4)
 
     @pytest.mark.parametrize("material", ["sand", "rubber", "snow", "metal"])
     @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -1,4 +1,4 @@
-"""What engines that step in threads let their users choose."""
+"""The option that engines share which step in threads."""
 
 from __future__ import annotations
 
