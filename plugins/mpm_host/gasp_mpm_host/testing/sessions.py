@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gasp_core.engine import threads
+from gasp_core.engine import threads as core_threads
 from gasp_core.engine.contract import Field, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Impulse, Pinned, Side
 from gasp_core.engine.materials import Elastic
@@ -24,7 +24,7 @@ class SessionTests:
     @pytest.fixture
     def pool_of_four(self, monkeypatch):
         """Let up to four threads be asked for, whatever the machine has."""
-        monkeypatch.setattr(threads, "processors", lambda: 4)
+        monkeypatch.setattr(core_threads, "processors", lambda: 4)
 
     @pytest.mark.parametrize("material", ["sand", "rubber", "snow", "metal"])
     @pytest.mark.parametrize("precision", ["float32", "float64"])
