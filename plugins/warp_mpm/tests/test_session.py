@@ -9,17 +9,22 @@ import pytest
 import warp as wp
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.session import MpmSession
-from gasp_mpm_host.testing import SessionTests
+from gasp_mpm_host.testing import SessionTests, TracerTests
 from gasp_mpm_host.testing.kit import falling
+from gasp_mpm_host.testing.tracers import traced
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 from gasp_warp_mpm.engine import WarpMpm
 
-from gasp_core.engine.contract import EngineAccuracy, Status
+from gasp_core.engine.contract import EngineAccuracy, Field, Status
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
 class TestSession(SessionTests):
+    pass
+
+
+class TestTracers(TracerTests):
     pass
 
 
@@ -46,25 +51,26 @@ def test_a_gpu_that_is_not_there_is_said_so(kit):
 @pytest.mark.parametrize("material", ["elastic", "rubber"])
 def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     """Its arrays and its scatter with atomics, run on the CPU: the order of additions apart, the same arithmetic."""
-    problem = falling(kit, material)
+    problem = traced(falling(kit, material))
     with kit.open(problem, precision="float64", spacing=0.1) as session:
         assert session.advance_to(0.05).status is Status.OK
-        expected = session.read(kit.everything)
+        expected = session.read(frozenset(Field))
     build = partial(Cloud, device=runtime.device_for("cpu"), double=True, threads=1, atomic=True, native=False)
     accuracy = EngineAccuracy(spacing=0.1)
     with MpmSession(problem, engine="warp-mpm", accuracy=accuracy, build=build) as session:
         assert session.advance_to(0.05).status is Status.OK
-        found = session.read(kit.everything)
+        found = session.read(frozenset(Field))
         kept = session.checkpoint()
     # Some tens of steps of rounding in another order.
     assert np.abs(found.positions - expected.positions).max() <= 1e-12
+    assert np.abs(found.tracer_positions - expected.tracer_positions)[:-3].max() <= 1e-12
     assert np.array_equal(kept["rows"].shape, (512, at.POINT_WIDTH))
 
 
 def test_an_unsolicited_word_is_never_printed():
     code = "from gasp_warp_mpm import runtime; runtime.device_for('cpu')"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout == ""
+    assert (result.stdout, result.stderr) == ("", "")
 
 
 def test_plugin_imports_no_backend():

@@ -8,5 +8,6 @@ from gasp_mpm_host.testing.agreement import AgreementTests
 from gasp_mpm_host.testing.extremes import ExtremesTests
 from gasp_mpm_host.testing.kit import Kit
 from gasp_mpm_host.testing.sessions import SessionTests
+from gasp_mpm_host.testing.tracers import TracerTests
 
-__all__ = ["AgreementTests", "ExtremesTests", "Kit", "SessionTests"]
+__all__ = ["AgreementTests", "ExtremesTests", "Kit", "SessionTests", "TracerTests"]
