@@ -40,8 +40,8 @@ class TracerTests:
                 assert session.advance_to(0.2).status is Status.OK
             expected, found = alone.read(_ALL), marked.read(_ALL)
             assert expected.tracer_positions is None
-            # Points are sorted when a point or a tracer has gone far, and add up in another order from then on: rounding,
-            # which a crash magnifies some tens of times (`AgreementTests`).
+            # Points are sorted when a point or a tracer has gone far, and add up in another order from then on:
+            # rounding, which a crash magnifies some tens of times (`AgreementTests`).
             apart = np.abs(found.positions - expected.positions).max() / 0.4
             assert apart <= (1e-5 if precision == "float32" else 1e-10)
             start = traced(plain).points.tracer_positions
