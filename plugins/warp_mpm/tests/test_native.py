@@ -140,7 +140,8 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
 
 
 @pytest.mark.parametrize("kinds", [("elastic",), ("neo-hookean", "elastic")], ids="+".join)
-def test_groups_that_are_not_full_change_with_neither_threads_nor_a_restart(kit, pool_of_four, kinds):
+def test_groups_that_are_not_full_change_with_neither_threads_nor_a_restart(kit, monkeypatch, kinds):
+    monkeypatch.setattr("gasp_core.engine.threads.processors", lambda: 4)
     positions = kit.block(SIDE, 9, corner=(0, 0, 0.03))
     assert len(positions) % 8 != 0
     problem = kit.problem(
