@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gasp_mpm_host.options import ThreadOptions
 from gasp_mpm_host.session import MpmSession
-from gasp_taichi_mpm import runtime
+from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.cloud import Cloud
 from gasp_taichi_mpm.engine import TaichiMpm
 
@@ -138,7 +138,8 @@ def test_nan_is_found_and_named(kit):
     with kit.open(falling(kit), spacing=0.1) as session:
         session.advance_to(0.01)
         row = 7
-        session._cloud._points.reshape(-1, 32)[np.flatnonzero(session._cloud._ids == row)[0], 0] = np.nan
+        rows = session._cloud._points.reshape(-1, words.POINT_ROWS, 4)
+        rows[np.flatnonzero(session._cloud._ids == row)[0], words.VELOCITY, 0] = np.nan
         report = session.advance_to(0.02)
         assert report.status is Status.NON_FINITE
         assert f"first {row}" in report.warnings[0]
@@ -148,7 +149,7 @@ def test_nan_in_mid_batch_neither_crashes_nor_passes(kit):
     """NaN in F reaches the grid with the next stress, and every point near it within a step."""
     with kit.open(falling(kit), spacing=0.1) as session:
         session.advance_to(0.01)
-        session._cloud._points.reshape(-1, 32)[100, 14] = np.inf
+        session._cloud._points.reshape(-1, words.POINT_ROWS, 4)[100, words.STRESS + 1, 1] = np.inf
         problem_step = 1e-4
         session._cloud.begin_batch(
             problem_step, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((20, 0, 32))
@@ -322,6 +323,58 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
 def test_bad_options_are_refused(threads):
     with pytest.raises(SceneError, match="threads"):
         ThreadOptions(threads=threads)
+
+
+_INTERRUPTED = """
+import sys
+import numpy as np
+from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
+from gasp_core.engine.materials import Elastic
+from gasp_core.errors import EngineEnvironmentError
+from gasp_taichi_mpm import runtime
+from gasp_taichi_mpm.engine import TaichiMpm
+
+places = np.random.default_rng(0).uniform(0, 0.4, (50, 3))
+cloud = PointCloud(
+    reference_positions=places,
+    initial_velocities=np.zeros_like(places),
+    reference_volumes=np.full(50, 1e-3),
+    material_ids=np.zeros(50, dtype=int),
+    body_ids=np.zeros(50, dtype=int),
+)
+problem = PointProblem(points=cloud, materials=(Elastic(density=1e3, youngs_modulus=1e5, poissons_ratio=0.3),))
+accuracy = EngineAccuracy(spacing=0.1)
+session = TaichiMpm().open(problem, accuracy=accuracy)
+session.advance_to(0.001)
+kept = session.checkpoint()
+ti = runtime.taichi
+if sys.argv[1] == "init":
+    ti.init(arch=ti.cpu, log_level=ti.ERROR)
+else:
+    ti.reset()
+everything = frozenset({Field.POSITIONS})
+for use in (lambda: session.advance_to(0.002), lambda: session.read(everything), session.checkpoint):
+    try:
+        use()
+    except EngineEnvironmentError as error:
+        assert "ti.init" in str(error)
+    else:
+        sys.exit("a session outlived its runtime")
+session.close()
+with TaichiMpm().open(problem, accuracy=accuracy, restart=kept) as resumed:
+    # The guards against NaN are compiled away where this is not so.
+    assert not ti.lang.impl.current_cfg().fast_math
+    assert resumed.advance_to(0.002).substep_count > 0
+print("told")
+"""
+
+
+@pytest.mark.parametrize("how", ["init", "reset"])
+def test_a_session_whose_runtime_was_taken_away_says_so(how):
+    command = [sys.executable, "-c", _INTERRUPTED, how]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.endswith("told\n")
 
 
 def test_an_unsolicited_word_is_never_printed():
