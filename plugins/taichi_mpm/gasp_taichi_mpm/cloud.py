@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import COLOURS, arrange
+from gasp_mpm_host.cells import COLOURS, CellTables, arrange
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
 from gasp_mpm_host.session import FarAwayError
@@ -18,6 +18,7 @@ from gasp_core.engine.mpm import averaged_lame
 from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
 from gasp_taichi_mpm.memory import Memory
+from gasp_taichi_mpm.packing import packed, unpacked
 
 __all__ = ["Cloud"]
 
@@ -61,20 +62,22 @@ class Cloud:
         threads: int,
         on_gpu: bool,
     ) -> None:
+        self._runtime = runtime.current()
         self.units = units
         self.real = np.float64 if double else np.float32
         self.count = len(problem.points)
-        self._serial = threads == 1 and not on_gpu
+        self._threads = threads
         self._memory = Memory(on_gpu=on_gpu)
         used = np.unique(problem.points.material_ids)
         kinds = frozenset(problem.materials[index].kind for index in used)
         self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
-        self._kernels = make_kernels(double, kinds, threads, on_gpu, self._averaged)
+        self._kernels = make_kernels(double, kinds, on_gpu, self._averaged)
         self._fluids = np.array([material.kind == "fluid" for material in problem.materials])
         self._materials = self._memory.put(material_table(problem, units))
         self._control = np.zeros(words.CONTROL_WIDTH, dtype=np.int32)
         self._control[words.POINTS] = self.count
         self._batch = np.zeros(words.BATCH_WIDTH)
+        self._batch[words.MASS_AXIS + 3] = 1
         self._grid: Any = None
         self._means: Any = self._memory.empty((1, 2), self.real)
         self._capacity = 0
@@ -94,46 +97,29 @@ class Cloud:
         """Affine velocities that belong to the velocities, and the stress of the start."""
         # Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
         # field that the velocities and the last C make together; the passes converge geometrically.
-        self._batch_argument = self._memory.put(self._batch)
-        for _ in range(_SEEDING_PASSES):
-            self._scatter(self._put_control())
-            self._kernels.learn_affine(self._x, self._points, self._grid, self._active, self._put_control())
+        nothing = np.zeros((0, 0))
+        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((_SEEDING_PASSES, 0, 0)))
+        self._control[words.SEEDING] = 1
+        self.steps(0, _SEEDING_PASSES)
+        self._control[words.SEEDING] = 0
         self._kernels.strain(self._points, self._labels, self._materials, self._put_control())
-
-    def _scatter(self, control: Any) -> None:
-        """Empty the grid and put mass and momentum of the points on it."""
-        kernels, cloud = self._kernels, (self._x, self._points, self._labels)
-        kernels.clear(self._grid, self._means, self._active, control)
-        if self._averaged:
-            if self._memory.on_gpu:
-                kernels.average_atomically(*cloud, self._means, self._materials, control)
-            else:
-                for colour in range(COLOURS):
-                    kernels.average_colour(*cloud, self._means, self._tiles, self._materials, control, colour)
-            kernels.divide(self._means, self._active, control)
-        laws = (self._materials, self._batch_argument, control)
-        if self._memory.on_gpu:
-            kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
-            return
-        for colour in range(COLOURS):
-            kernels.scatter_colour(*cloud, self._grid, self._means, self._tiles, *laws, colour)
 
     def _load(self, rows: Rows) -> None:
         put, empty = self._memory.put, self._memory.empty
         self._x, self._x_spare = put(rows.cells), empty(rows.cells.shape, np.float64)
-        self._points, self._points_spare = put(rows.points.reshape(-1)), empty((rows.points.size,), self.real)
+        points = packed(rows.points)
+        self._points, self._points_spare = put(points), empty(points.shape, self.real)
         self._labels, self._labels_spare = put(rows.labels.reshape(-1)), empty((rows.labels.size,), np.int32)
         self._ids = rows.ids
 
     def _rows(self) -> Rows:
-        """The rows as they are: on the CPU the very memory, on a GPU a copy."""
+        """The points as they are, in the order of `layout`."""
+        runtime.require(self._runtime)
         get = self._memory.get
-        return Rows(
-            cells=get(self._x),
-            points=get(self._points).reshape(-1, at.POINT_WIDTH),
-            labels=get(self._labels).reshape(-1, at.LABEL_WIDTH),
-            ids=self._ids,
-        )
+        return Rows(cells=get(self._x), points=unpacked(get(self._points)), labels=self._label_rows(), ids=self._ids)
+
+    def _label_rows(self) -> Array:
+        return self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)
 
     def _put_control(self) -> Any:
         return self._memory.put(self._control) if self._memory.on_gpu else self._control
@@ -146,10 +132,11 @@ class Cloud:
         FarAwayError, GridTooLargeError
             Where they have no cell, or the grid would be too large.
         """
+        runtime.require(self._runtime)
         if not float(np.abs(self._memory.get(self._x)).max()) < _CELL_LIMIT:
             raise FarAwayError
         self._kernels.settle(self._x, self._labels, self._put_control())
-        order = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
+        order = self._tabulate(self._label_rows()[:, at.HOME : at.HOME + 3])
         self._kernels.permute(
             self._memory.put(order),
             self._put_control(),
@@ -172,6 +159,7 @@ class Cloud:
         self._control[words.SHAPE : words.SHAPE + 3] = tables.shape
         self._control[words.ACTIVE] = len(tables.active)
         self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = tables.colour_offsets
+        self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(tables)
         self._tiles = self._memory.put(tables.tiles.reshape(-1))
         self._active = self._memory.put(tables.active)
         nodes = int(np.prod(tables.shape))
@@ -185,6 +173,19 @@ class Cloud:
                 self._means = self._memory.empty((self._capacity, 2), self.real)
         return tables.order
 
+    def _tickets(self, tables: CellTables) -> Array:
+        """Where the phases of a step begin in its tickets, and the end."""
+        blocks = -(-len(tables.active) // words.BLOCKS_A_TICKET)
+        tiles = np.diff(tables.colour_offsets)
+        counts = np.zeros(words.PHASES, dtype=np.int32)
+        counts[[words.CLEAR, words.UPDATE]] = blocks
+        counts[words.MOVE] = -(-self.count // words.POINTS_A_TICKET)
+        counts[words.SCATTER : words.SCATTER + COLOURS] = tiles
+        if self._averaged:
+            counts[words.AVERAGE : words.AVERAGE + COLOURS] = tiles
+            counts[words.DIVIDE] = blocks
+        return np.concatenate([[0], np.cumsum(counts)])
+
     def set_walls(self, lower: Array, upper: Array) -> None:
         """Hold points and nodes within a box [m] from now on."""
         self._control[words.CLAMP] = 1
@@ -193,7 +194,8 @@ class Cloud:
 
     def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
         """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows."""
-        self._batch[words.STEP] = step / self.units.time
+        runtime.require(self._runtime)
+        self._batch[words.STEP] = self._batch[words.STEP_VECTOR : words.STEP_VECTOR + 3] = step / self.units.time
         self._batch[words.GRAVITY : words.GRAVITY + 3] = gravity * step / self.units.speed
         self._control[words.COLLIDERS] = len(colliders)
         self._control[words.WINDS] = len(winds)
@@ -210,31 +212,66 @@ class Cloud:
         How many were done, whether a point drifted (it must be sorted before the next), whether the domain's edge
         held a node or a point back.
         """
+        runtime.require(self._runtime)
         self._memory.write(self._report, np.zeros(words.REPORT_WIDTH, dtype=np.int32))
-        control, moved = self._put_control(), (self._x, self._points, self._labels, self._grid)
-        acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
-        done = 0
-        if self._serial:
-            self._kernels.steps_in_thread(*moved, self._means, self._tiles, self._active, *acting, first, end - first)
-            done = int(self._report[words.STEPS_DONE])
-        else:
-            for step in range(first, end):
-                self._scatter(control)
-                self._kernels.update_and_move(*moved, self._active, *acting, step)
-                done += 1
-                if self._memory.get(self._report)[words.DRIFTED]:
-                    break
+        done = self._launch_by_phase(first, end) if self._memory.on_gpu else self._march(first, end)
         report = self._memory.get(self._report)
         return done, bool(report[words.DRIFTED]), bool(report[words.CLAMPED])
 
+    def _march(self, first: int, end: int) -> int:
+        """Steps first..end, or fewer, in as many threads as there are; returns how many."""
+        signs = np.zeros(words.HELD + self._threads, dtype=np.int32)
+        signs[words.HELD :] = -1
+        tickets = self._control[words.PHASES_AT + words.PHASES]
+        while signs[words.DONE] < (end - first) * tickets and not signs[words.HALTED]:
+            self._kernels.march(
+                self._x,
+                self._points,
+                self._labels,
+                self._grid,
+                self._means,
+                self._tiles,
+                self._active,
+                self._materials,
+                self._batch,
+                self._forcing,
+                self._control,
+                self._report,
+                signs,
+                first,
+                end - first,
+                self._threads,
+            )
+        return int(signs[words.DONE] // tickets)
+
+    def _launch_by_phase(self, first: int, end: int) -> int:
+        """Steps first..end, or fewer, a launch a phase; returns how many."""
+        kernels, cloud, control = self._kernels, (self._x, self._points, self._labels), self._put_control()
+        for step in range(first, end):
+            kernels.clear(self._grid, self._means, self._active, control)
+            if self._averaged:
+                kernels.average_atomically(*cloud, self._means, self._materials, control)
+                kernels.divide(self._means, self._active, control)
+            laws = (self._materials, self._batch_argument, control)
+            kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
+            acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
+            kernels.update_and_move(*cloud, self._grid, self._active, *acting, step)
+            if self._memory.get(self._report)[words.DRIFTED]:
+                return step + 1 - first
+        return end - first
+
     def survey(self) -> Survey:
         """Look at every point."""
+        runtime.require(self._runtime)
         self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._chart)
         return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def positions(self) -> Array:
         """(N, 3) [m], in the given order."""
-        return self._rows().positions(self.units)
+        runtime.require(self._runtime)
+        positions = np.empty((self.count, 3))
+        positions[self._ids] = self.units.world(self._memory.get(self._x))
+        return positions
 
     def velocities(self) -> Array:
         """(N, 3) [m/s], in the given order."""
@@ -250,9 +287,10 @@ class Cloud:
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
-        points = self._rows().points
-        points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(self.real)
-        self._memory.write(self._points, points.reshape(-1))
+        runtime.require(self._runtime)
+        points = self._memory.get(self._points).reshape(-1, words.POINT_ROWS, 4)
+        points[members[self._ids], words.VELOCITY, :3] += (change / self.units.speed).astype(self.real)
+        self._memory.write(self._points, points.reshape(-1, 4))
 
     def close(self) -> None:
         """Leave Taichi to whoever else uses it."""

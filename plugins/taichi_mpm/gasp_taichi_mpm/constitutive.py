@@ -1,5 +1,5 @@
 # ruff: noqa: SIM102, SIM109 - "if" of a compile-time constant must stand alone, or what it excludes is compiled; no "in".
-"""Materials: how F follows the velocity gradient L, what plasticity takes away, and the stress that results.
+"""Materials: what plasticity takes away from a deformation, and the stress that results.
 
 Stress is the Kirchhoff stress times 4 T^2 / (rho dx^2), see `scaling`. A new material is a branch here, a kind in
 `layout.KINDS`, a row in `scaling.material_table` and a type in the plugin's capabilities.
@@ -40,8 +40,8 @@ def _volume(F):
 def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callable[..., Any]:
     """Taichi function (F, L, history, dt, materials, row) -> (F, history, stress, dilation) for the kinds present.
 
-    With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it gives the
-    stress as things are.
+    With `advance` it applies the material's floors and return mapping to an F that has been moved by dt L; without, it
+    gives the stress as things are.
     """
     double = real == ti.f64
     # Newton's iteration and Jacobi's: where half the square of a step, or a cosine, is below rounding.
@@ -255,8 +255,6 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         mu = ti.cast(materials[row + at.SHEAR], real)
         lame = ti.cast(materials[row + at.LAME], real)
         G = F
-        if ti.static(advance):
-            G = F + dt * (L @ F)
         stress = F * 0
         dilation = history * 0
         new_history = history
@@ -280,7 +278,6 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                 G, new_history, stress, dilation = hencky(G, history, dt, mu, lame, materials, row, True)
         if ti.static(has_fluid):
             if ti.static(alone) or kind == is_fluid:
-                G = F
                 new_history, stress = fluid(L, history, dt, lame, ti.cast(materials[row + at.VISCOSITY], real))
         return G, new_history, stress, dilation
 

@@ -9,7 +9,10 @@ from gasp_mpm_host import layout as at
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["constrain"]
+__all__ = ["constrain", "is_touched"]
+
+_BLOCK_RADIUS = 1.5 * 3**0.5
+"""From the centre of a block of 4^3 nodes to its corners."""
 
 
 @ti.func
@@ -68,6 +71,22 @@ def _normal(table: ti.template(), row, node):
         else:
             normal = ti.Vector([ti.f64(0.0), ti.f64(0.0), ti.f64(1.0)])
     return normal
+
+
+@ti.func
+def is_touched(centre, forcing: ti.template(), control: ti.template()):
+    """Whether anything besides gravity may act on a node of the block of 4^3 around `centre` [cells].
+
+    Where a collider is farther from the centre than the corners are, it touches none of the nodes: no signed distance
+    changes by more than the way between two places.
+    """
+    touched = control[words.CLAMP] == 1 or control[words.WINDS] > 0 or control[words.DRIVES] > 0
+    row = 0
+    while row < control[words.COLLIDERS] * at.COLLIDER_WIDTH:
+        if forcing[row + 10] * _distance(forcing, row, centre) <= ti.f64(_BLOCK_RADIUS + 2 * at.TOUCH):
+            touched = True
+        row += at.COLLIDER_WIDTH
+    return touched
 
 
 @ti.func

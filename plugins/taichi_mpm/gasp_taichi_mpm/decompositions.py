@@ -107,6 +107,23 @@ def proper_frames(B):
 
 
 @ti.func
+def _square(A):
+    """|A|^2, added up in a tree: a chain of nine additions is a long wait."""
+    a = A[0, 0] * A[0, 0] + A[0, 1] * A[0, 1]
+    b = A[0, 2] * A[0, 2] + A[1, 0] * A[1, 0]
+    c = A[1, 1] * A[1, 1] + A[1, 2] * A[1, 2]
+    d = A[2, 0] * A[2, 0] + A[2, 1] * A[2, 1]
+    return ((a + b) + (c + d)) + A[2, 2] * A[2, 2]
+
+
+@ti.func
+def _closer(R):
+    """A step of Newton's iteration."""
+    L = cofactors(R)
+    return (R + L * (1 / determinant_with(R, L))) * 0.5
+
+
+@ti.func
 def rotation_of(F, K, J, tolerance, cosine):
     """Rotation R (det +1) nearest to F, whose cofactors are K and determinant J.
 
@@ -117,13 +134,12 @@ def rotation_of(F, K, J, tolerance, cosine):
     size = F.norm_sqr() / 3
     if J > 0 and size * size * size * 1e-6 < J * J:
         R = (F + K / J) * 0.5
-        step = (R - F).norm_sqr()
+        step = _square(R - F)
         count = 0
         while step > tolerance and count < 20:
-            L = cofactors(R)
-            S = (R + L / determinant_with(R, L)) * 0.5
-            step = (S - R).norm_sqr()
-            R = S
+            R = _closer(R)
+            # Half the square of the last step, which is known before this one is done.
+            step = step * step / 4
             count += 1
     else:
         B, V = singular_columns(F, cosine)

@@ -2,7 +2,9 @@
 
 Taichi is a process-wide singleton. Initialising it again destroys what the first initialisation compiled and, on a
 GPU, the memory behind arrays that are still in use, so this module initialises it once for an architecture and
-changes architecture only while no session is open.
+changes architecture only while no session is open. Whoever else in the process calls `ti.init` or `ti.reset` ends what
+is ours without a word: kernels go on under other settings, or with arrays that are gone. So a session remembers the
+runtime it was opened in, and asks before every use whether it is still there.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import Any
 from gasp_core.engine.threads import processors
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
-__all__ = ["acquire", "release", "taichi"]
+__all__ = ["acquire", "current", "release", "require", "taichi"]
 
 _BANNER = "ENABLE_TAICHI_HEADER_PRINT"
 
@@ -44,9 +46,12 @@ taichi = _import_quietly()
 _lock = threading.Lock()
 _open_sessions = 0
 _device: str | None = None
+_runtime: Any = None
+"""Taichi's own object for what `_initialise` made; it makes another one each time it is initialised or reset."""
 
 
 def _initialise(device: str) -> None:
+    global _runtime
     arch = {"cpu": taichi.cpu, "cuda": taichi.cuda}[device]
     if device == "cuda" and not taichi.lang.misc.is_arch_supported(taichi.cuda):
         raise EngineEnvironmentError(
@@ -66,6 +71,35 @@ def _initialise(device: str) -> None:
             offline_cache=True,
             log_level=taichi.ERROR,
             cpu_max_num_threads=processors(),
+            # A task is as many turns of a loop as the loop says, not 512 at the least.
+            make_cpu_multithreading_loop=False,
+            cpu_block_dim_adaptive=False,
+        )
+    _runtime = taichi.lang.impl.get_runtime()
+
+
+def _is_ours() -> bool:
+    return _runtime is not None and taichi.lang.impl.get_runtime() is _runtime
+
+
+def current() -> Any:
+    """What `require` is to be given later."""
+    return _runtime
+
+
+def require(runtime: Any) -> None:
+    """Make sure that what `current` gave is still there.
+
+    Raises
+    ------
+    EngineEnvironmentError
+        Where Taichi has been initialised or reset since.
+    """
+    if runtime is not taichi.lang.impl.get_runtime():
+        raise EngineEnvironmentError(
+            "engine taichi-mpm: Taichi was initialised again or reset in this process (ti.init, ti.reset) while a"
+            " session was open, which destroys it: open a new one, from a checkpoint if there is one, or run the engine"
+            " isolated"
         )
 
 
@@ -83,8 +117,8 @@ def acquire(device: str) -> None:
     if device not in ("cpu", "cuda"):
         raise SceneError(f'engine taichi-mpm has no device {device!r}: use "cpu" or "cuda"')
     with _lock:
-        if _device != device:
-            if _open_sessions:
+        if _device != device or not _is_ours():
+            if _open_sessions and _device != device:
                 raise SceneError(
                     f'engine taichi-mpm: a session on "{_device}" is open, and Taichi serves one device a process:'
                     f' close it before opening one on "{device}", or run one of them isolated'

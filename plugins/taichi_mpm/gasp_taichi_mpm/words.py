@@ -1,4 +1,4 @@
-"""Where the numbers lie that kernels are given beside the rows of `gasp_mpm_host.layout`.
+"""Where the numbers lie that kernels work on: points as rows of vectors of four, and what they are told and report.
 
 Few arrays rather than many: every argument of a kernel costs some ten microseconds a launch.
 """
@@ -6,6 +6,27 @@ Few arrays rather than many: every argument of a kernel costs some ten microseco
 from __future__ import annotations
 
 __all__: list[str] = []
+
+# One point: vectors of four, because that is what a processor adds in one go. Three places are vectors of space; the
+# fourth is zero, or holds a number that has to lie somewhere.
+VELOCITY = 0
+"""And 1: what a point gives to a node is its velocity and its mass, by the same weights."""
+AFFINE = 1
+"""The columns of C, three rows."""
+STRESS = 4
+"""The columns of the scaled Kirchhoff stress, three rows."""
+DEFORMATION = 7
+"""The columns of F, three rows."""
+POINT_ROWS = 10
+# The fourth places, as (row, 3).
+DILATION = 4
+HISTORY = 5
+MASS = 7
+
+# What indices are cut to where it changes nothing, because they are below: a compiler that knows an index small knows
+# what lies beside what.
+POINT_BITS = 2**25 - 1
+NODE_BITS = 2**28 - 1
 
 # The control words.
 LOWER = 0
@@ -16,14 +37,37 @@ COLLIDERS = 8
 WINDS = 9
 DRIVES = 10
 CLAMP = 11
-COLOURS_AT = 12
+SEEDING = 12
+"""Only C is learnt: nothing moves and nothing deforms."""
+COLOURS_AT = 13
 """Nine offsets into the list of tiles."""
-CONTROL_WIDTH = 24
+PHASES_AT = 22
+"""Offsets of the phases of a step into its tickets, and the end."""
+CONTROL_WIDTH = 48
+
+# The phases of a step, each done before the next begins; of these two the first of eight colours.
+CLEAR = 0
+AVERAGE = 1
+DIVIDE = 9
+SCATTER = 10
+UPDATE = 18
+MOVE = 19
+PHASES = 20
+
+# A ticket's share of the work.
+BLOCKS_A_TICKET = 8
+POINTS_A_TICKET = 256
+
+# What the threads of a march tell each other, a cache line each.
+TICKET = 0
+DONE = 16
+HALTED = 32
+HELD = 48
+"""The ticket that each of them still has to do, or -1."""
 
 # What kernels report.
 DRIFTED = 0
-STEPS_DONE = 1
-CLAMPED = 2
+CLAMPED = 1
 REPORT_WIDTH = 4
 
 # The batch's numbers, float64.
@@ -31,4 +75,8 @@ STEP = 0
 GRAVITY = 1
 WALL_LOW = 4
 WALL_HIGH = 7
-BATCH_WIDTH = 10
+STEP_VECTOR = 10
+"""(dt, dt, dt, 0)"""
+MASS_AXIS = 14
+"""(0, 0, 0, 1). The two are read from memory because a compiler that knows them treats the fourth place apart."""
+BATCH_WIDTH = 18

@@ -51,6 +51,58 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     assert np.array_equal(kept["rows"].shape, (512, 32))
 
 
+_INTERRUPTED = """
+import sys
+import numpy as np
+from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
+from gasp_core.engine.materials import Elastic
+from gasp_core.errors import EngineEnvironmentError
+from gasp_taichi_mpm import runtime
+from gasp_taichi_mpm.engine import TaichiMpm
+
+places = np.random.default_rng(0).uniform(0, 0.4, (50, 3))
+cloud = PointCloud(
+    reference_positions=places,
+    initial_velocities=np.zeros_like(places),
+    reference_volumes=np.full(50, 1e-3),
+    material_ids=np.zeros(50, dtype=int),
+    body_ids=np.zeros(50, dtype=int),
+)
+problem = PointProblem(points=cloud, materials=(Elastic(density=1e3, youngs_modulus=1e5, poissons_ratio=0.3),))
+accuracy = EngineAccuracy(spacing=0.1)
+session = TaichiMpm().open(problem, accuracy=accuracy)
+session.advance_to(0.001)
+kept = session.checkpoint()
+ti = runtime.taichi
+if sys.argv[1] == "init":
+    ti.init(arch=ti.cpu, log_level=ti.ERROR)
+else:
+    ti.reset()
+everything = frozenset({Field.POSITIONS})
+for use in (lambda: session.advance_to(0.002), lambda: session.read(everything), session.checkpoint):
+    try:
+        use()
+    except EngineEnvironmentError as error:
+        assert "ti.init" in str(error)
+    else:
+        sys.exit("a session outlived its runtime")
+session.close()
+with TaichiMpm().open(problem, accuracy=accuracy, restart=kept) as resumed:
+    # The guards against NaN are compiled away where this is not so.
+    assert not ti.lang.impl.current_cfg().fast_math
+    assert resumed.advance_to(0.002).substep_count > 0
+print("told")
+"""
+
+
+@pytest.mark.parametrize("how", ["init", "reset"])
+def test_a_session_whose_runtime_was_taken_away_says_so(how):
+    command = [sys.executable, "-c", _INTERRUPTED, how]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.endswith("told\n")
+
+
 def test_an_unsolicited_word_is_never_printed():
     code = "from gasp_taichi_mpm import runtime; runtime.acquire('cpu'); runtime.release()"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -67,7 +67,7 @@ class Kit:
     engine_open
         `open` of the engine (`gasp_core.engine.contract.PointEngine`), with `ThreadOptions`.
     rows
-        Of a session: its points as rows, the very memory.
+        Of a session: its points as rows.
     nodes
         Of a session: number of nodes of its grid.
     """

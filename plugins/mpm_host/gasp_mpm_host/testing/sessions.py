@@ -143,6 +143,7 @@ class SessionTests:
             row = 7
             rows = kit.rows(session)
             rows.points[np.flatnonzero(rows.ids == row)[0], at.VELOCITY] = np.nan
+            session._cloud._load(rows)
             report = session.advance_to(0.02)
             assert report.status is Status.NON_FINITE
             assert f"first {row}" in report.warnings[0]
@@ -151,7 +152,9 @@ class SessionTests:
         """What is not finite in a stress reaches the grid with it, and every point near it within a step."""
         with kit.open(falling(kit), spacing=0.1) as session:
             session.advance_to(0.01)
-            kit.rows(session).points[100, at.STRESS + 1] = np.inf
+            rows = kit.rows(session)
+            rows.points[100, at.STRESS + 1] = np.inf
+            session._cloud._load(rows)
             problem_step = 1e-4
             session._cloud.begin_batch(problem_step, np.zeros(3), *nothing_acts(20))
             done, drifted, _ = session._cloud.steps(0, 20)

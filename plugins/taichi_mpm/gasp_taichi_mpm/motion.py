@@ -1,0 +1,132 @@
+"""What a point makes of the grid's velocities: where it is next, how it is deformed, the stress that it then bears."""
+
+from collections.abc import Callable
+from typing import Any
+
+from gasp_mpm_host import layout as at
+
+from gasp_taichi_mpm import words
+from gasp_taichi_mpm.constitutive import make_response
+from gasp_taichi_mpm.runtime import taichi as ti
+from gasp_taichi_mpm.transfers import make_overwrite
+
+__all__ = ["make_move", "make_strain"]
+
+
+@ti.func
+def columns(table: ti.template(), row):
+    """(3, 3), of three rows that hold its columns."""
+    return ti.Matrix.cols(
+        [
+            ti.Vector([table[row][0], table[row][1], table[row][2]]),
+            ti.Vector([table[row + 1][0], table[row + 1][1], table[row + 1][2]]),
+            ti.Vector([table[row + 2][0], table[row + 2][1], table[row + 2][2]]),
+        ]
+    )
+
+
+def make_write_response(real: Any) -> Callable[..., None]:
+    """Taichi function that stores what `constitutive.make_response` gives."""
+    vec4 = ti.types.vector(4, real)
+    overwrite = make_overwrite(real)
+
+    @ti.func
+    def write_response(points: ti.template(), r, S, dilation, history):
+        # Symmetric to the last bit, or it would turn what it acts on.
+        overwrite(points, r + words.STRESS, vec4(S[0, 0], S[0, 1], S[0, 2], dilation))
+        overwrite(points, r + words.STRESS + 1, vec4(S[0, 1], S[1, 1], S[1, 2], history))
+        overwrite(points, r + words.STRESS + 2, vec4(S[0, 2], S[1, 2], S[2, 2], 0))
+
+    return write_response
+
+
+def make_strain(real: Any, kinds: frozenset[str]) -> Callable[..., None]:
+    """Taichi function: the stress that belongs to a point as it is, its velocity gradient taken for C."""
+    stress_of = make_response(real, kinds, advance=False)
+    write_response = make_write_response(real)
+
+    @ti.func
+    def strain_point(points: ti.template(), labels: ti.template(), materials: ti.template(), p):
+        r = (p & words.POINT_BITS) * words.POINT_ROWS
+        L = columns(points, r + words.AFFINE)
+        F = columns(points, r + words.DEFORMATION)
+        history = points[r + words.HISTORY][3]
+        row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+        F, _, tau, dilation = stress_of(F, L, history, real(0.0), materials, row)
+        write_response(points, r, tau, dilation, history)
+
+    return strain_point
+
+
+def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> Callable[..., None]:
+    """Taichi function: grid to point, then F, the return mapping and the stress that the next scatter reads."""
+    advance = make_response(real, kinds, advance=True)
+    overwrite = make_overwrite(real)
+    write_response = make_write_response(real)
+    flows = bool(kinds - {"elastic", "neo-hookean", "fluid"})
+
+    @ti.func
+    def move_point(
+        x: ti.template(),
+        points: ti.template(),
+        labels: ti.template(),
+        grid: ti.template(),
+        materials: ti.template(),
+        batch: ti.template(),
+        control: ti.template(),
+        report: ti.template(),
+        p,
+    ):
+        V, CX, CY, CZ, LX, LY, LZ = gather(x, grid, control, p)
+        r = (p & words.POINT_BITS) * words.POINT_ROWS
+        row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+        dt = ti.cast(batch[words.STEP], real)
+        kept = points[r + words.VELOCITY]
+        # Whole rows in one go, before anything branches: what is stored as vectors of four is computed as such.
+        overwrite(points, r + words.VELOCITY, ti.cast(V, real))
+        overwrite(points, r + words.AFFINE, ti.cast(CX, real))
+        overwrite(points, r + words.AFFINE + 1, ti.cast(CY, real))
+        overwrite(points, r + words.AFFINE + 2, ti.cast(CZ, real))
+        shift = dt
+        if ti.static("fluid" in kinds):
+            # A fluid knows its volume alone.
+            shift *= ti.cast(ti.cast(materials[row + at.KIND], ti.i32) != ti.static(at.KINDS["fluid"]), real)
+        BX, BY, BZ = ti.cast(LX, real), ti.cast(LY, real), ti.cast(LZ, real)
+        for c in ti.static(range(3)):
+            F = points[r + words.DEFORMATION + c]
+            overwrite(points, r + words.DEFORMATION + c, F + shift * (BX * F[0] + BY * F[1] + BZ * F[2]))
+        if control[words.SEEDING] == 1:
+            points[r + words.VELOCITY] = kept
+        else:
+            L = ti.Matrix([[BX[0], BY[0], BZ[0]], [BX[1], BY[1], BZ[1]], [BX[2], BY[2], BZ[2]]])
+            G = columns(points, r + words.DEFORMATION)
+            G, history, tau, dilation = advance(G, L, points[r + words.HISTORY][3], dt, materials, row)
+            write_response(points, r, tau, dilation, history)
+            if ti.static(flows):
+                for c in ti.static(range(3)):
+                    for d in ti.static(range(3)):
+                        points[r + words.DEFORMATION + c][d] = G[d, c]
+            place = x[p] + batch[words.STEP] * ti.Vector([V[0], V[1], V[2]])
+            if control[words.CLAMP] == 1:
+                held = 0
+                for d in ti.static(range(3)):
+                    if place[d] < batch[words.WALL_LOW + d]:
+                        place[d] = batch[words.WALL_LOW + d]
+                        points[r + words.VELOCITY][d] = ti.max(ti.cast(V[d], real), real(0.0))
+                        held = 1
+                    elif place[d] > batch[words.WALL_HIGH + d]:
+                        place[d] = batch[words.WALL_HIGH + d]
+                        points[r + words.VELOCITY][d] = ti.min(ti.cast(V[d], real), real(0.0))
+                        held = 1
+                if held == 1:
+                    ti.atomic_add(report[words.CLAMPED], 1)
+            x[p] = place
+            # Written so that NaN fails it: a point that is nowhere must not be scattered either.
+            near = True
+            for d in ti.static(range(3)):
+                drift = place[d] - 0.5 - ti.cast(labels[p * at.LABEL_WIDTH + at.HOME + d], ti.f64)
+                near = near and drift >= -1.0 and drift < 2.0
+            if not near:
+                report[words.DRIFTED] = 1
+
+    return move_point

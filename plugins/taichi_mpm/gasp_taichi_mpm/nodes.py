@@ -1,0 +1,92 @@
+"""What happens at the nodes of a block of 4^3: they are emptied, sums become means, momentum becomes velocity."""
+
+from types import SimpleNamespace
+
+from gasp_taichi_mpm import words
+from gasp_taichi_mpm.contact import constrain, is_touched
+from gasp_taichi_mpm.runtime import taichi as ti
+
+__all__ = ["make_node_work"]
+
+_node4 = ti.types.vector(4, ti.f64)
+
+
+@ti.func
+def block_corner(control: ti.template(), block):
+    by = control[words.SHAPE + 1] // 4
+    bz = control[words.SHAPE + 2] // 4
+    return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
+
+
+@ti.func
+def line_of(control: ti.template(), corner, i, j):
+    """The first of four nodes along z."""
+    return ((corner[0] + i) * control[words.SHAPE + 1] + corner[1] + j) * control[words.SHAPE + 2] + corner[2]
+
+
+def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespace:
+    """Taichi functions for the block of rank q in the list of active ones.
+
+    Parameters
+    ----------
+    least_mass
+        A node that holds no more than this has no velocity.
+    averaged
+        There are sums of dilations, too.
+    """
+    vec2 = ti.types.vector(2, real)
+
+    @ti.func
+    def clear_block(grid: ti.template(), means: ti.template(), active: ti.template(), control: ti.template(), q):
+        corner = block_corner(control, active[q])
+        for i in range(4):
+            for j in range(4):
+                line = line_of(control, corner, i, j)
+                for k in ti.static(range(4)):
+                    grid[line + k] = _node4(0)
+                    if ti.static(averaged):
+                        means[line + k] = vec2(0)
+
+    @ti.func
+    def divide_block(means: ti.template(), active: ti.template(), control: ti.template(), q):
+        """Sums over volumes to means, at the nodes of one block."""
+        corner = block_corner(control, active[q])
+        for i in range(4):
+            for j in range(4):
+                line = line_of(control, corner, i, j)
+                for k in range(4):
+                    total = means[line + k]
+                    if total[1] > least_mass:
+                        means[line + k][0] = total[0] / total[1]
+                    else:
+                        means[line + k][0] = 0
+
+    @ti.func
+    def update_block(
+        grid: ti.template(),
+        active: ti.template(),
+        batch: ti.template(),
+        forcing: ti.template(),
+        control: ti.template(),
+        report: ti.template(),
+        drive_set,
+        q,
+    ):
+        """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
+        corner = block_corner(control, active[q])
+        origin = ti.cast(ti.Vector([control[words.LOWER + d] for d in range(3)]) + corner, ti.f64)
+        touched = is_touched(origin + 1.5, forcing, control)
+        kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
+        for i in range(4):
+            for j in range(4):
+                line = line_of(control, corner, i, j) & words.NODE_BITS
+                for k in range(4):
+                    g = grid[line + k]
+                    v = kick * 0
+                    if g[3] > least_mass:
+                        v = ti.Vector([g[0], g[1], g[2]]) * (1 / g[3]) + kick
+                        if touched:
+                            v = constrain(v, origin + ti.Vector([i, j, k]), batch, forcing, control, report, drive_set)
+                    grid[line + k] = _node4(v[0], v[1], v[2], 0)
+
+    return SimpleNamespace(clear_block=clear_block, divide_block=divide_block, update_block=update_block)

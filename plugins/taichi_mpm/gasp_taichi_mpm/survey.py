@@ -1,0 +1,81 @@
+"""Looking at every point: what the next step depends on, and what is no longer credible."""
+
+from collections.abc import Callable
+from typing import Any
+
+from gasp_mpm_host import layout as at
+
+from gasp_taichi_mpm import words
+from gasp_taichi_mpm.motion import columns
+from gasp_taichi_mpm.runtime import taichi as ti
+
+__all__ = ["make_survey"]
+
+
+def make_survey(Positions: Any, Points: Any, Ints: Any, Doubles: Any) -> Callable[..., None]:
+    """The kernel, for arrays of these types."""
+
+    @ti.kernel
+    def survey(x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, result: Doubles):
+        """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
+        ti.loop_config(block_dim=1)
+        for chunk in range((control[words.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
+            stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
+            bad, inverted = 0, 0
+            begin = chunk * at.SURVEY_CHUNK
+            low, high = x[begin], x[begin]
+            for p in range(begin, ti.min(begin + at.SURVEY_CHUNK, control[words.POINTS])):
+                r = p * words.POINT_ROWS
+                speeds = ti.cast(points[r + words.VELOCITY], ti.f64)
+                v = ti.Vector([speeds[0], speeds[1], speeds[2]])
+                C = ti.cast(columns(points, r + words.AFFINE), ti.f64)
+                F = ti.cast(columns(points, r + words.DEFORMATION), ti.f64)
+                history = ti.cast(points[r + words.HISTORY][3], ti.f64)
+                place = x[p]
+                # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
+                residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (history - history) + (place - place).sum()
+                if not (residue == 0.0):  # noqa: SIM201 - NaN is neither equal nor unequal
+                    bad += 1
+                else:
+                    row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
+                    J = F.determinant()
+                    # `gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
+                    scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-200)))
+                    angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
+                    longest = 2.0 * scale * ti.cos(angle)
+                    stretch = ti.max(longest, ti.abs(J), ti.f64(1.0))
+                    factor = 2.0 * stretch * stretch - stretch
+                    kind = ti.cast(materials[row + at.KIND], ti.i32)
+                    if kind >= ti.static(at.KINDS["metal"]):
+                        # `hencky_stiffening`: x coth x.
+                        apart = 3.0 * ti.log(longest) - ti.log(ti.max(ti.abs(J), ti.f64(1e-200)))
+                        apart = ti.max(apart, ti.f64(1e-9))
+                        factor = apart / ti.tanh(apart)
+                    if kind == ti.static(at.KINDS["snow"]):
+                        # `snow_stiffening`.
+                        pressed = 1.0 - ti.exp(ti.min(history, ti.f64(1.0)))
+                        grown = ti.max(materials[row + at.HARDENING] * pressed, ti.f64(0.0))
+                        factor *= ti.exp(ti.min(grown, ti.f64(200.0)))
+                    if kind == ti.static(at.KINDS["fluid"]):
+                        # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
+                        J = 1.0 + history
+                        stretch = ti.max(J, ti.f64(1.0))
+                        factor = ti.max(2.0 * stretch * stretch - stretch, 1.0 / (J * J * J * J * J * J * J * J))
+                    stiffness = ti.max(stiffness, factor * materials[row + at.INVERSE_BOUND])
+                    speed = ti.max(speed, v.norm_sqr())
+                    gradient = ti.max(gradient, C.norm_sqr())
+                    if J <= 0:
+                        inverted += 1
+                    low = ti.min(low, place)
+                    high = ti.max(high, place)
+            o = chunk * at.SURVEY_WIDTH
+            result[o + at.SURVEY_STIFFNESS] = stiffness
+            result[o + at.SURVEY_SPEED] = speed
+            result[o + at.SURVEY_GRADIENT] = gradient
+            result[o + at.SURVEY_BAD] = bad
+            result[o + at.SURVEY_INVERTED] = inverted
+            for d in ti.static(range(3)):
+                result[o + at.SURVEY_LOW + d] = low[d]
+                result[o + at.SURVEY_HIGH + d] = high[d]
+
+    return survey
