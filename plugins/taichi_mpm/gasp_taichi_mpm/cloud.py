@@ -11,6 +11,7 @@ from gasp_mpm_host.cells import COLOURS, CellTables, arrange
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
 from gasp_mpm_host.session import FarAwayError
+from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
@@ -80,18 +81,22 @@ class Cloud:
         self._batch[words.MASS_AXIS + 3] = 1
         self._grid: Any = None
         self._means: Any = self._memory.empty((1, 2), self.real)
+        self._traced = 0 if problem.points.tracer_positions is None else len(problem.points.tracer_positions)
+        self._carrier: Any = self._memory.empty((1, 4), np.float64)
         self._capacity = 0
         chunks = -(-self.count // at.SURVEY_CHUNK)
         self._chart = self._memory.put(np.zeros(chunks * at.SURVEY_WIDTH))
         self._report = self._memory.put(np.zeros(words.REPORT_WIDTH, dtype=np.int32))
         if restart is None:
             self._load(Rows.at_rest(problem, units, self.real))
+            self._load_tracers(TracerRows.at_rest(problem.points, units))
             self.sort()
             self._seed()
         else:
             rows = Rows.restored(restart, self.count, self.real, engine)
             self._load(rows)
-            self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            tables = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            self._wake(TracerRows.restored(restart, self._traced, engine), tables)
 
     def _seed(self) -> None:
         """Affine velocities that belong to the velocities, and the stress of the start."""
@@ -121,6 +126,20 @@ class Cloud:
     def _label_rows(self) -> Array:
         return self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)
 
+    def _load_tracers(self, rows: TracerRows) -> None:
+        # One more than there are: some kernels' arguments must not be empty.
+        cells = np.concatenate([rows.cells, np.zeros((1, 3))])
+        homes = np.concatenate([rows.homes.reshape(-1), np.zeros(1, dtype=np.int32)])
+        self._tracers, self._homes = self._memory.put(cells), self._memory.put(homes)
+        self._tracer_ids = rows.ids
+
+    def _tracer_rows(self) -> TracerRows:
+        runtime.require(self._runtime)
+        get = self._memory.get
+        return TracerRows(
+            cells=get(self._tracers)[:-1], homes=get(self._homes)[:-1].reshape(-1, 3), ids=self._tracer_ids
+        )
+
     def _put_control(self) -> Any:
         return self._memory.put(self._control) if self._memory.on_gpu else self._control
 
@@ -136,9 +155,9 @@ class Cloud:
         if not float(np.abs(self._memory.get(self._x)).max()) < _CELL_LIMIT:
             raise FarAwayError
         self._kernels.settle(self._x, self._labels, self._put_control())
-        order = self._tabulate(self._label_rows()[:, at.HOME : at.HOME + 3])
+        tables = self._tabulate(self._label_rows()[:, at.HOME : at.HOME + 3])
         self._kernels.permute(
-            self._memory.put(order),
+            self._memory.put(tables.order),
             self._put_control(),
             self._x,
             self._points,
@@ -150,18 +169,25 @@ class Cloud:
         self._x, self._x_spare = self._x_spare, self._x
         self._points, self._points_spare = self._points_spare, self._points
         self._labels, self._labels_spare = self._labels_spare, self._labels
-        self._ids = self._ids[order]
+        self._ids = self._ids[tables.order]
+        self._wake(self._tracer_rows().settled(), tables)
 
-    def _tabulate(self, home: Array) -> Array:
-        """Fit the grid and the lists of blocks to the points' homes; returns the sorted order."""
-        tables = arrange(home, _NODE_LIMIT)
+    def _wake(self, rows: TracerRows, tables: CellTables) -> None:
+        """Sort the tracers, and make the blocks active that they read."""
+        woken = arrange_tracers(rows.homes, tables)
+        self._load_tracers(rows.sorted(woken.order))
+        self._active = self._memory.put(woken.active)
+        self._control[words.ACTIVE] = len(woken.active)
+        self._control[words.TRACERS] = woken.awake
+        self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(tables)
+
+    def _tabulate(self, home: Array) -> CellTables:
+        """Fit the grid and the tiles to the points' homes."""
+        tables = arrange(home, _NODE_LIMIT, TRACER_MARGIN if self._traced else 0)
         self._control[words.LOWER : words.LOWER + 3] = tables.lower
         self._control[words.SHAPE : words.SHAPE + 3] = tables.shape
-        self._control[words.ACTIVE] = len(tables.active)
         self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = tables.colour_offsets
-        self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(tables)
         self._tiles = self._memory.put(tables.tiles.reshape(-1))
-        self._active = self._memory.put(tables.active)
         nodes = int(np.prod(tables.shape))
         if nodes > self._capacity:
             # Some room to grow into; what is never touched costs no memory.
@@ -171,15 +197,19 @@ class Cloud:
             if self._averaged:
                 self._means = None
                 self._means = self._memory.empty((self._capacity, 2), self.real)
-        return tables.order
+            if self._traced:
+                self._carrier = None
+                self._carrier = self._memory.empty((self._capacity, 4), np.float64)
+        return tables
 
     def _tickets(self, tables: CellTables) -> Array:
         """Where the phases of a step begin in its tickets, and the end."""
-        blocks = -(-len(tables.active) // words.BLOCKS_A_TICKET)
+        blocks = -(-int(self._control[words.ACTIVE]) // words.BLOCKS_A_TICKET)
         tiles = np.diff(tables.colour_offsets)
         counts = np.zeros(words.PHASES, dtype=np.int32)
         counts[[words.CLEAR, words.UPDATE]] = blocks
         counts[words.MOVE] = -(-self.count // words.POINTS_A_TICKET)
+        counts[words.CARRY] = -(-int(self._control[words.TRACERS]) // words.POINTS_A_TICKET)
         counts[words.SCATTER : words.SCATTER + COLOURS] = tiles
         if self._averaged:
             counts[words.AVERAGE : words.AVERAGE + COLOURS] = tiles
@@ -237,6 +267,9 @@ class Cloud:
                 self._forcing,
                 self._control,
                 self._report,
+                self._tracers,
+                self._homes,
+                self._carrier,
                 signs,
                 first,
                 end - first,
@@ -255,7 +288,8 @@ class Cloud:
             laws = (self._materials, self._batch_argument, control)
             kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
             acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
-            kernels.update_and_move(*cloud, self._grid, self._active, *acting, step)
+            carried = (self._tracers, self._homes, self._carrier)
+            kernels.update_and_move(*cloud, self._grid, self._active, *acting, *carried, step)
             if self._memory.get(self._report)[words.DRIFTED]:
                 return step + 1 - first
         return end - first
@@ -281,9 +315,13 @@ class Cloud:
         """(N, 3, 3), in the given order."""
         return self._rows().deformation_gradients(self._fluids)
 
+    def tracer_positions(self) -> Array:
+        """(M, 3) [m], in the given order."""
+        return self._tracer_rows().positions(self.units)
+
     def checkpoint(self) -> dict[str, Array]:
         """The state, in the engine's own order and units."""
-        return self._rows().checkpoint()
+        return self._rows().checkpoint() | self._tracer_rows().checkpoint()
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""

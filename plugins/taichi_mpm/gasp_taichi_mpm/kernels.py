@@ -15,6 +15,7 @@ from gasp_taichi_mpm.motion import make_move, make_strain
 from gasp_taichi_mpm.nodes import make_node_work
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.survey import make_survey
+from gasp_taichi_mpm.tracers import carry
 from gasp_taichi_mpm.transfers import make_transfers
 
 __all__ = ["make_kernels"]
@@ -67,6 +68,9 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         forcing: Doubles,
         control: Ints,
         report: Ints,
+        tracers: Positions,
+        homes: Ints,
+        carrier: Grid,
         signs: Ints,
         first: ti.i32,
         count: ti.i32,
@@ -110,12 +114,17 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                             clear_block(grid, means, active, control, q)
                     elif phase == words.UPDATE:
                         for q in range(begin, end):
-                            update_block(grid, active, batch, forcing, control, report, first + step, q)
+                            update_block(grid, carrier, active, batch, forcing, control, report, first + step, q)
                     elif phase == words.MOVE:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.POINTS])
                         for p in range(begin, end):
                             move_point(x, points, labels, grid, materials, batch, control, report, p)
+                    elif phase == words.CARRY:
+                        begin = share * words.POINTS_A_TICKET
+                        end = ti.min(begin + words.POINTS_A_TICKET, control[words.TRACERS])
+                        for p in range(begin, end):
+                            carry(tracers, homes, carrier, batch, control, report, p)
                     elif phase >= words.SCATTER:
                         q = control[words.COLOURS_AT + phase - words.SCATTER] + share
                         for p in range(tiles[2 * q], tiles[2 * q + 1]):
@@ -177,13 +186,18 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         forcing: Doubles,
         control: Ints,
         report: Ints,
+        tracers: Positions,
+        homes: Ints,
+        carrier: Grid,
         step: ti.i32,
     ):
         """The rest of step number `step` of the batch (GPU)."""
         for q in range(control[words.ACTIVE]):
-            update_block(grid, active, batch, forcing, control, report, step, q)
+            update_block(grid, carrier, active, batch, forcing, control, report, step, q)
         for p in range(control[words.POINTS]):
             move_point(x, points, labels, grid, materials, batch, control, report, p)
+        for p in range(control[words.TRACERS]):
+            carry(tracers, homes, carrier, batch, control, report, p)
 
     @ti.kernel
     def strain(points: Points, labels: Ints, materials: Doubles, control: Ints):

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+from gasp_core.engine.mpm import FULL_PRESENCE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.contact import constrain, is_touched
 from gasp_taichi_mpm.runtime import taichi as ti
@@ -64,6 +65,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
     @ti.func
     def update_block(
         grid: ti.template(),
+        carrier: ti.template(),
         active: ti.template(),
         batch: ti.template(),
         forcing: ti.template(),
@@ -76,6 +78,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
         corner = block_corner(control, active[q])
         origin = ti.cast(ti.Vector([control[words.LOWER + d] for d in range(3)]) + corner, ti.f64)
         touched = is_touched(origin + 1.5, forcing, control)
+        traced = control[words.TRACERS] > 0
         kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
         for i in range(4):
             for j in range(4):
@@ -88,5 +91,8 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
                         if touched:
                             v = constrain(v, origin + ti.Vector([i, j, k]), batch, forcing, control, report, drive_set)
                     grid[line + k] = _node4(v[0], v[1], v[2], 0)
+                    if traced:
+                        presence = ti.min(g[3] / FULL_PRESENCE, 1.0)
+                        carrier[line + k] = _node4(presence * v[0], presence * v[1], presence * v[2], presence)
 
     return SimpleNamespace(clear_block=clear_block, divide_block=divide_block, update_block=update_block)

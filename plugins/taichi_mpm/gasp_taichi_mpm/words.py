@@ -43,6 +43,8 @@ COLOURS_AT = 13
 """Nine offsets into the list of tiles."""
 PHASES_AT = 22
 """Offsets of the phases of a step into its tickets, and the end."""
+TRACERS = 44
+"""How many of them something can move."""
 CONTROL_WIDTH = 48
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
@@ -52,7 +54,8 @@ DIVIDE = 9
 SCATTER = 10
 UPDATE = 18
 MOVE = 19
-PHASES = 20
+CARRY = 20
+PHASES = 21
 
 # A ticket's share of the work.
 BLOCKS_A_TICKET = 8
