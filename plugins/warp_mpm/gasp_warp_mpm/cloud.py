@@ -215,6 +215,7 @@ class Cloud:
         Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
         field that the velocities and the last C make together; the passes converge geometrically.
         """
+        self._tables.report.zero_()
         for _ in range(_SEEDING_PASSES):
             self._scatter()
             self._launch(self._kernels.settle_nodes, self._tables.active_count)
@@ -269,12 +270,11 @@ class Cloud:
         """
         self._tables.report.zero_()
         if self._atomic:
-            done = self._steps_by_phase(first, end)
+            self._steps_by_phase(first, end)
         else:
             self._steps_in_threads(first, end)
-            done = int(self._tables.report.numpy()[STEPS_DONE])
         report = self._tables.report.numpy()
-        return done, bool(report[DRIFTED]), bool(report[CLAMPED])
+        return int(report[STEPS_DONE]), bool(report[DRIFTED]), bool(report[CLAMPED])
 
     def _steps_in_threads(self, first: int, end: int) -> None:
         def share(worker: int) -> Any:
@@ -290,15 +290,13 @@ class Cloud:
         for other in others:
             other.result()
 
-    def _steps_by_phase(self, first: int, end: int) -> int:
+    def _steps_by_phase(self, first: int, end: int) -> None:
         for step in range(first, end):
             self._scatter()
             self._launch(self._kernels.update, self._tables.active_count, self._acting, step)
             self._launch(self._kernels.move, self._count, self._acting)
             self._launch(self._kernels.carry, self._tables.tracer_count, self._acting)
-            if self._tables.report.numpy()[DRIFTED]:
-                return step - first + 1
-        return end - first
+            self._launch(self._kernels.finish, 1)
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.survey import make_survey
-from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, HALTED, STEPS_DONE, Acting, tables_of
 from gasp_warp_mpm.tracers import make_tracers
 from gasp_warp_mpm.transfers import make_transfers
 
@@ -292,37 +292,51 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         @wp.kernel(module=module, enable_backward=False)
         def clear(s: Tables):
             """Empty an active block."""
-            clear_block(s, wp.tid())
+            if s.report[HALTED] == 0:
+                clear_block(s, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def average(s: Tables):
             """A point's dilation to the grid."""
-            scatter_dilation(s, wp.tid())
+            if s.report[HALTED] == 0:
+                scatter_dilation(s, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def divide(s: Tables):
             """Sums of dilations to means, an active block."""
-            divide_block(s, wp.tid())
+            if s.report[HALTED] == 0:
+                divide_block(s, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def scatter_point(s: Tables):
             """A point to the grid."""
-            scatter(s, wp.tid())
+            if s.report[HALTED] == 0:
+                scatter(s, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def update(s: Tables, acting: Acting, drive_set: int):
             """What acts on an active block."""
-            update_block(s, acting, drive_set, wp.tid())
+            if s.report[HALTED] == 0:
+                update_block(s, acting, drive_set, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def move(s: Tables, acting: Acting):
             """Grid to a point."""
-            move_point(s, acting, wp.tid())
+            if s.report[HALTED] == 0:
+                move_point(s, acting, wp.tid())
 
         @wp.kernel(module=module, enable_backward=False)
         def carry(s: Tables, acting: Acting):
             """Carry a tracer."""
-            carry_one(s, acting, wp.tid())
+            if s.report[HALTED] == 0:
+                carry_one(s, acting, wp.tid())
+
+        @wp.kernel(module=module, enable_backward=False)
+        def finish(s: Tables):
+            """Count the step, in one thread; the host looks only when a whole batch has been launched."""
+            if s.report[HALTED] == 0:
+                s.report[STEPS_DONE] = s.report[STEPS_DONE] + 1
+                s.report[HALTED] = s.report[DRIFTED]
 
     @wp.kernel(module=module, enable_backward=False)
     def settle_nodes(s: Tables):
@@ -380,6 +394,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     )
     if atomic:
         kernels.clear, kernels.average, kernels.divide = clear, average, divide
+        kernels.finish = finish
         kernels.scatter_point, kernels.update, kernels.move, kernels.carry = scatter_point, update, move, carry
     else:
         kernels.steps, kernels.scatter_in_order = steps, scatter_in_order

@@ -11,13 +11,15 @@ import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
 
-__all__ = ["CLAMPED", "DRIFTED", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
+__all__ = ["CLAMPED", "DRIFTED", "HALTED", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
 
 # The report of some steps.
 DRIFTED = 0
 CLAMPED = 1
 STEPS_DONE = 2
-REPORT_WIDTH = 3
+HALTED = 3
+"""Set after the step in which a point drifted: what is launched from then on does nothing."""
+REPORT_WIDTH = 4
 
 
 @wp.struct

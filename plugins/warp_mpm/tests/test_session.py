@@ -10,7 +10,7 @@ import warp as wp
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.session import MpmSession
 from gasp_mpm_host.testing import SessionTests, TracerTests
-from gasp_mpm_host.testing.kit import falling
+from gasp_mpm_host.testing.kit import falling, nothing_acts
 from gasp_mpm_host.testing.tracers import traced
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
@@ -76,3 +76,20 @@ def test_an_unsolicited_word_is_never_printed():
 def test_plugin_imports_no_backend():
     code = "import sys, gasp_warp_mpm.plugin as p; p.gasp_point_engines(); sys.exit('warp' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_way_of_the_gpu_stops_after_the_step_in_which_a_point_drifted(kit):
+    """Though the host looks only when the whole batch has been launched."""
+    problem = falling(kit, colliders=(), gravity=(0, 0, 0))
+    build = partial(Cloud, device=runtime.device_for("cpu"), double=True, threads=1, atomic=True, native=False)
+    with MpmSession(problem, engine="warp-mpm", accuracy=EngineAccuracy(spacing=0.02), build=build) as session:
+        cloud = session._cloud
+        start = cloud.positions()
+        cloud.begin_batch(0.75 * 0.02 / 2.0, np.zeros(3), *nothing_acts(20))
+        done, drifted, _ = cloud.steps(0, 20)
+        assert drifted
+        # Three quarters of a cell a step, from anywhere in a cell, and a cell of slack.
+        assert done in (1, 2)
+        # Undeformed points fly on as they are.
+        travel = np.linalg.norm(cloud.positions() - start, axis=1)
+        assert np.abs(travel - done * 0.75 * 0.01 * np.hypot(0.3, 2.0)).max() <= 1e-9
