@@ -4,7 +4,7 @@ The scene of the comparison between engines: a jittered cube of 97,336 points, 8
 nu = 0.2, steps of 1e-4 s, in the space of a grid of 64^3. Compilation is timed apart. Everything a session does is
 in the figure: choosing steps, guarding drift, sorting, forcing.
 
-    python benchmarks/taichi_speed.py [--points-per-axis 46] [--material elastic] [--precision float32]
+    python benchmarks/taichi_speed.py [--points-per-axis 46] [--cells 64] [--material elastic] [--precision float32]
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ MATERIALS = {
 }
 
 
-def jittered_cube(per_axis: int, material: str) -> PointProblem:
+def jittered_cube(per_axis: int, material: str, spacing: float = SPACING) -> PointProblem:
     """`per_axis`^3 points, two along every axis of a cell, above a floor they reach during the run."""
     cells = np.stack(np.meshgrid(*[np.arange(per_axis)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     offset = np.random.default_rng(0).uniform(-0.3, 0.3, cells.shape)
     count = len(cells)
     return PointProblem(
         points=PointCloud(
-            reference_positions=((cells + 0.5 + offset) / 2 + 2) * SPACING,
+            reference_positions=((cells + 0.5 + offset) / 2 + 2) * spacing,
             initial_velocities=np.broadcast_to([0.0, 0.0, -1.0], cells.shape).copy(),
-            reference_volumes=np.full(count, (SPACING / 2) ** 3),
+            reference_volumes=np.full(count, (spacing / 2) ** 3),
             material_ids=np.zeros(count, dtype=int),
             body_ids=np.zeros(count, dtype=int),
         ),
@@ -51,6 +51,7 @@ def jittered_cube(per_axis: int, material: str) -> PointProblem:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points-per-axis", type=int, default=46)
+    parser.add_argument("--cells", type=int, default=64, help="cells a metre")
     parser.add_argument("--material", choices=MATERIALS, default="elastic")
     parser.add_argument("--precision", choices=[precision.value for precision in Precision], default="float32")
     parser.add_argument("--threads", type=int, nargs="*", default=[1, 2])
@@ -63,7 +64,8 @@ def main() -> None:
     from gasp_taichi_mpm.engine import TaichiMpm
 
     print(f"import {time.perf_counter() - begin:.2f} s")
-    problem = jittered_cube(arguments.points_per_axis, arguments.material)
+    spacing = 1 / arguments.cells
+    problem = jittered_cube(arguments.points_per_axis, arguments.material, spacing)
     count = len(problem.points)
     sessions = {}
     for threads in arguments.threads:
@@ -71,7 +73,7 @@ def main() -> None:
         session = TaichiMpm().open(
             problem,
             precision=Precision(arguments.precision),
-            accuracy=EngineAccuracy(spacing=SPACING, substep=STEP, substep_limit=10**6),
+            accuracy=EngineAccuracy(spacing=spacing, substep=STEP, substep_limit=10**6),
             options=ThreadOptions(threads=threads),
         )
         opened = time.perf_counter() - begin
