@@ -4,8 +4,8 @@ The plain run is 97,336 elastic points in single precision on one thread, with a
 session. The others differ by one thing. All are open at once and take bursts of 20 substeps in random order; a figure
 is the ratio of the medians of processor time.
 
-The share of what cannot be left out - looking at every point after every 20 substeps, sorting - is timed by itself,
-and shown as the part of the plain run that it takes.
+The share of what cannot be left out - looking at every point after every 20 substeps, sorting, the detector that looks
+at every frame - is timed by itself.
 
     python benchmarks/mpm_costs.py [--engine warp-mpm]
 """
@@ -24,7 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision, Status
+from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
+from gasp_core.engine.detector import inspect, watch_over
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Wind
 from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
 from gasp_core.engine.registry import discover
@@ -141,6 +142,9 @@ def main() -> None:
     sorting = statistics.median(timed(cloud.sort) for _ in range(arguments.bursts))
     print(f"  of it, looking at every point    {looking / usual:.2f}")
     print(f"  a sort, in substeps              {sorting / usual * SUBSTEPS:.1f}")
+    watch, state = watch_over(plain, 0.04), sessions["plain"].read(frozenset(Field) - {Field.TRACER_POSITIONS})
+    watching = statistics.median(timed(lambda: inspect(watch, state, state)) for _ in range(arguments.bursts))
+    print(f"  the detector on a frame, in substeps {watching / usual * SUBSTEPS:.1f}")
 
 
 if __name__ == "__main__":
