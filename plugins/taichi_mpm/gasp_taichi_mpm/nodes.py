@@ -92,7 +92,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
                             v = constrain(v, origin + ti.Vector([i, j, k]), batch, forcing, control, report, drive_set)
                     grid[line + k] = _node4(v[0], v[1], v[2], 0)
                     if traced:
-                        presence = ti.min(g[3] / FULL_PRESENCE, 1.0)
+                        presence = ti.min(g[3] / ti.f64(FULL_PRESENCE), ti.f64(1.0))
                         carrier[line + k] = _node4(presence * v[0], presence * v[1], presence * v[2], presence)
 
     return SimpleNamespace(clear_block=clear_block, divide_block=divide_block, update_block=update_block)
