@@ -119,7 +119,9 @@ def gasp_process(workplace):
         return subprocess.run(
             [sys.executable, "-m", "gasp_core.cli.main", *map(str, arguments)],
             cwd=workplace,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(str(FAKES / name) for name in fakes)},
+            # No bytecode: where a test limits the size of files, half a module would be left in everybody's cache.
+            env=os.environ
+            | {"PYTHONPATH": os.pathsep.join(str(FAKES / name) for name in fakes), "PYTHONDONTWRITEBYTECODE": "1"},
             stderr=subprocess.PIPE,
             text=True,
             timeout=120,
