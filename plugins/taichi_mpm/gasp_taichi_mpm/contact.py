@@ -126,13 +126,13 @@ def constrain(
                 _triple(forcing, row + 20).dot(arm),
             ]
         )
-        if _distance(forcing, row, back + _triple(forcing, row + 8)) <= ti.f64(1e-3):
+        if _distance(forcing, row, back + _triple(forcing, row + 8)) <= ti.f64(at.TOUCH):
             u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
         row += at.DRIVE_WIDTH
     row = 0
     while row < colliders_end:
         side = forcing[row + 10]
-        if side * _distance(forcing, row, node) <= ti.f64(1e-3):
+        if side * _distance(forcing, row, node) <= ti.f64(at.TOUCH):
             contact = ti.cast(forcing[row + 8], ti.i32)
             n = side * _normal(forcing, row, node)
             along = u.dot(n)
@@ -150,9 +150,9 @@ def constrain(
     if control[words.CLAMP] == 1:
         free = u
         for d in ti.static(range(3)):
-            if node[d] <= batch[words.WALL_LOW + d] + ti.f64(1e-3):
+            if node[d] <= batch[words.WALL_LOW + d] + ti.f64(at.TOUCH):
                 u[d] = ti.max(u[d], 0)
-            if node[d] >= batch[words.WALL_HIGH + d] - ti.f64(1e-3):
+            if node[d] >= batch[words.WALL_HIGH + d] - ti.f64(at.TOUCH):
                 u[d] = ti.min(u[d], 0)
         # Beyond rounding: matter that glides along the edge is not held by it.
         if (u - free).norm() > 1e-6 * free.norm():
