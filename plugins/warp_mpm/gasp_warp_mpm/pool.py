@@ -41,7 +41,7 @@ _JOIN = """
 
 _ADD = """
     REAL* const node = (REAL*)pool + 4 * index;
-    for (int c = 0; c < 4; ++c)
+    for (int c = 0; c < COUNT; ++c)
 #if defined(__CUDA_ARCH__)
         atomicAdd(node + c, part[c]);
 #else
@@ -62,7 +62,7 @@ _CLEAR = """
 
 @cache
 def make_pool(double: bool) -> SimpleNamespace:
-    """Functions open_pool, add_to_pool, corner_of, place_in_pool, share_of, give_sums and give_mean_sums."""
+    """Functions open_pool, add_to_pool, add_pair_to_pool, corner_of, place_in_pool, share_of, give_sums and give_mean_sums."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec2, vec4 = types.vec2, types.vec4
@@ -81,9 +81,13 @@ def make_pool(double: bool) -> SimpleNamespace:
     def join():
         """Go on when all threads of the block have come here."""
 
-    @wp.func_native(typed(_ADD))
+    @wp.func_native(typed(_ADD.replace("COUNT", "4")))
     def add_to_pool(pool: wp.uint64, index: int, part: vec4):
         """Add to one of the pool's nodes, whoever else does."""
+
+    @wp.func_native(typed(_ADD.replace("COUNT", "2")))
+    def add_pair_to_pool(pool: wp.uint64, index: int, part: vec2):
+        """As `add_to_pool`, of two numbers alone."""
 
     @wp.func_native(typed(_READ))
     def read(pool: wp.uint64, index: int) -> vec4:
@@ -155,6 +159,7 @@ def make_pool(double: bool) -> SimpleNamespace:
     return SimpleNamespace(
         open_pool=open_pool,
         add_to_pool=add_to_pool,
+        add_pair_to_pool=add_pair_to_pool,
         corner_of=corner_of,
         place_in_pool=place_in_pool,
         share_of=share_of,

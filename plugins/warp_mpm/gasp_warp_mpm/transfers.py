@@ -32,7 +32,8 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     Tables = tables_of(real)
     collect = make_native(double, averaged).collect
     pooled = make_pool(double)
-    add_to_pool, place_in_pool = pooled.add_to_pool, pooled.place_in_pool
+    add_to_pool, add_pair_to_pool = pooled.add_to_pool, pooled.add_pair_to_pool
+    place_in_pool = pooled.place_in_pool
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     half, three_halves = real(0.5), real(1.5)
     half_cell = wp.float64(0.5)
@@ -95,7 +96,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     def give_mean(s: Tables, pool: wp.uint64, node: int, part: vec2):
         """As `give`, of dilation and volume."""
         if atomic:
-            add_to_pool(pool, node, vec4(part[0], part[1], zero, zero))
+            add_pair_to_pool(pool, node, part)
         else:
             s.means[node] = s.means[node] + part
 
