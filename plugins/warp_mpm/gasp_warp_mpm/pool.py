@@ -62,7 +62,7 @@ _CLEAR = """
 
 @cache
 def make_pool(double: bool) -> SimpleNamespace:
-    """Functions open_pool, add_to_pool, add_pair_to_pool, corner_of, place_in_pool, share_of, give_sums and give_mean_sums."""
+    """Functions open_pool, add_to_pool, add_pair_to_pool, corner_of, place_in_pool, share_of and give_(mean_)sums."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec2, vec4 = types.vec2, types.vec4
