@@ -191,7 +191,7 @@ class WorkerEngine:
             # The system takes the death of the thread that started a process for that of the parent.
             "dies_with_parent": threading.current_thread() is threading.main_thread(),
         }
-        flags = ["-I", "-u", "-X", "faulthandler", *(["-B"] if sys.dont_write_bytecode else [])]
+        flags = ["-I", "-u", *(["-B"] if sys.dont_write_bytecode else [])]
         command = [str(self._interpreter.python), *flags, str(Path(start.__file__)), json.dumps(settings)]
         try:
             worker = WorkerProcess(name, command, block)

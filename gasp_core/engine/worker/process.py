@@ -23,7 +23,8 @@ _PATIENCE = 5.0
 _GLANCE = 0.25
 """Seconds between looks at whether it lives. Its channel tells at once, unless a process it forked holds that open."""
 _TAIL_BYTES = 8192
-_TAIL_LINES = 6
+_TAIL_LINES = 8
+_OWN_FOLDER = str(Path(__file__).parent)
 
 
 class WorkerProcess:
@@ -93,14 +94,13 @@ class WorkerProcess:
             Where it speaks another protocol than we do.
         """
         self._busy = True
-        greeting = self._answer("starting", limit)
-        self._busy = False
-        spoken = greeting.get("protocol")
+        spoken = self._answer("starting", limit).get("protocol")
         if spoken != PROTOCOL:
             raise EngineEnvironmentError(
                 f'the worker of engine "{self.name}" speaks protocol {spoken!r}, this GASP {PROTOCOL}:'
                 " bring both to one version of gasp-core"
             )
+        self._busy = False
 
     def ask(self, message: Message, doing: str, limit: float) -> Message:
         """Send a message and wait for the answer, for at most `limit` [s].
@@ -209,4 +209,6 @@ def _tail(log: Path) -> str:
     except OSError:
         return ""
     lines = [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+    # Of a traceback, the frames that are the same every time say nothing.
+    lines = [line for line in lines if _OWN_FOLDER not in line and not line.startswith("Extension modules:")]
     return " | ".join(lines[-_TAIL_LINES:])

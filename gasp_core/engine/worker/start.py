@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import faulthandler
 import importlib.abc
 import importlib.util
 import json
@@ -62,6 +63,7 @@ def main() -> None:
     with open(os.devnull, "rb") as nothing:  # noqa: PTH123  (pathlib is not needed before the first line is read)
         os.dup2(nothing.fileno(), 0)
     os.dup2(2, 1)
+    faulthandler.enable(all_threads=False)  # a segfault leaves in the log where it was
     if settings["dies_with_parent"]:
         _die_with_parent()
     if settings["path"] is not None:
