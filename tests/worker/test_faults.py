@@ -64,7 +64,7 @@ def test_a_dying_worker_is_an_error_and_leaves_nothing_but_its_log(
 ):
     note, read = told
     with opened(isolated, problem, fault=fault, note=note) as session:
-        pid = read()[0]
+        pid = read()["pid"]
         session.advance_to(0.05)
         begun = time.monotonic()
         with pytest.raises(EngineCrashedError) as caught:
@@ -96,7 +96,7 @@ def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, go
     note, read = told
     with pytest.raises(EngineCrashedError, match="while opening the scene"):
         opened(registry.worker("frail", Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
-    assert gone(read()[0])
+    assert gone(read()["pid"])
     assert len(logs()) == 1
 
 
@@ -104,7 +104,7 @@ def test_killed_between_two_questions(isolated, opened, problem, told):
     note, read = told
     with opened(isolated, problem, note=note) as session:
         session.advance_to(0.05)
-        os.kill(read()[0], signal.SIGKILL)
+        os.kill(read()["pid"], signal.SIGKILL)
         begun = time.monotonic()
         with pytest.raises(EngineCrashedError, match="was killed by SIGKILL"):
             session.advance_to(0.1)
@@ -115,7 +115,7 @@ def test_a_crash_at_closing_spoils_nothing(isolated, opened, problem, told, gone
     note, read = told
     with opened(isolated, problem, fault="close", note=note) as session:
         session.advance_to(0.1)
-    assert gone(read()[0])
+    assert gone(read()["pid"])
     assert logs() == []
     with opened(isolated, problem) as session:
         session.advance_to(0.1)
@@ -125,10 +125,10 @@ def test_a_worker_goes_with_its_engine(registry, opened, problem, told, gone, lo
     note, read = told
     engine = registry.worker("frail")
     opened(engine, problem, note=note).close()
-    assert psutil.pid_exists(read()[0])
+    assert psutil.pid_exists(read()["pid"])
     del engine
     gc.collect()
-    assert gone(read()[0])
+    assert gone(read()["pid"])
     assert logs() == []
 
 
@@ -138,7 +138,7 @@ def test_a_forgotten_session_takes_its_worker_along(registry, opened, problem, t
     session.advance_to(0.1)
     del session
     gc.collect()
-    assert gone(read()[0])
+    assert gone(read()["pid"])
     assert logs() == []
 
 
@@ -146,7 +146,11 @@ def test_a_forgotten_session_takes_its_worker_along(registry, opened, problem, t
 @pytest.mark.parametrize(
     ("says", "kind", "words"),
     [
-        ('print(\'{"protocol": 0}\', flush=True)', EngineEnvironmentError, "speaks protocol 0, this GASP 1: bring both"),
+        (
+            "print('{\"protocol\": 0}', flush=True)",
+            EngineEnvironmentError,
+            "speaks protocol 0, this GASP 1: bring both",
+        ),
         ("print('{}', flush=True)", EngineEnvironmentError, "speaks protocol None"),
         ("print('hello', flush=True)", EngineCrashedError, "sent what is no message while starting"),
         ("print('[1]', flush=True)", EngineCrashedError, "sent what is no message while starting"),

@@ -84,7 +84,7 @@ def test_what_the_engine_is_given_is_what_was_asked_for(isolated, opened, proble
     note, read = told
     mood = type(frail.options().mood).WILD
     with opened(isolated, rich, note=note, mood=mood, weights=(0.1, math.inf)):
-        _, _, _, (got, device, precision, seed, accuracy, options, restart) = read()
+        got, device, precision, seed, accuracy, options, restart = read()["given"]
     assert (device, precision, seed, restart) == ("cpu", Precision.FLOAT64, 5, None)
     assert accuracy == EngineAccuracy(substep_fraction=0.3)
     assert options == frail.options(note=note, mood=mood, weights=(0.1, math.inf))
@@ -99,9 +99,10 @@ def test_the_worker_imports_the_contract_and_its_plugin_alone(isolated, opened, 
     with opened(isolated, problem, note=note) as session:
         session.advance_to(0.1)
         session.read(ALL)
-        pid, modules, folder, _ = read()
-    assert pid != os.getpid()
-    assert folder == os.getcwd()
+    assert read()["pid"] != os.getpid()
+    assert read()["folder"] == os.getcwd()
+    assert read()["prefix"] == sys.prefix
+    modules = read()["modules"]
     roots = {name.partition(".")[0] for name in modules} - set(sys.stdlib_module_names)
     assert {name for name in roots if not name.startswith("_")} - {"cython_runtime"} == {
         "gasp_core",
@@ -179,16 +180,16 @@ def test_prints_go_to_the_log(isolated, opened, problem, logs, capfd):
 def test_sessions_side_by_side_and_one_after_the_other(isolated, opened, problem, told, logs):
     note, read = told
     with opened(isolated, problem, note=note) as one:
-        first = read()[0]
+        first = read()["pid"]
         with opened(isolated, problem, note=note) as other:
-            second = read()[0]
+            second = read()["pid"]
             assert second != first
             one.advance_to(0.2)
             assert other.time == 0.0
     # Whoever keeps the engine keeps a worker, as backends are slow to import.
     with opened(isolated, problem, note=note) as again:
         assert again.time == 0.0
-        assert read()[0] in (first, second)
+        assert read()["pid"] in (first, second)
     assert len(logs()) == 2
 
 

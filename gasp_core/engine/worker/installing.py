@@ -61,12 +61,12 @@ def install(descriptor: EngineDescriptor, say: Callable[[str], None], python: Pa
         say(f"{name} is ready: {folder}")
         return folder
     base = find_python(environment.python) if python is None else _checked(python, environment, name)
-    with _alone(folder):
+    with _alone(folder) as lock:
         beside = folder.with_name(f".{name}.part")
         _remove(beside)  # of one that was killed
         try:
             say(f"building an environment for {name} with Python {version_of(base)}: {folder}")
-            _build(beside, base, environment, name)
+            _build(beside, base, environment, name, lock)
             say("trying it")
             _try(beside, descriptor)
             stamp(beside, environment)
@@ -109,8 +109,11 @@ def _checked(python: Path, environment: EngineEnvironment, name: str) -> Path:
 
 
 @contextmanager
-def _alone(folder: Path) -> Generator[None]:
-    """Keep other processes from building or removing the same environment; the disk's refusals in one line."""
+def _alone(folder: Path) -> Generator[int]:
+    """Keep other processes from building or removing the same environment; the disk's refusals in one line.
+
+    Gives the descriptor that holds the lock: a process that inherits it holds it, too.
+    """
     if fcntl is None:
         raise EngineEnvironmentError(f"environments of engines need Linux or macOS, and this is {sys.platform}")
     try:
@@ -122,7 +125,7 @@ def _alone(folder: Path) -> Generator[None]:
                 raise EngineEnvironmentError(
                     f"{folder}: another process is building or removing it: wait for that to end"
                 ) from None
-            yield
+            yield stream.fileno()
     except OSError as error:
         raise EngineEnvironmentError(
             f"{error.filename or folder}: {error.strerror or error}: make room there, or name another folder in"
@@ -130,27 +133,30 @@ def _alone(folder: Path) -> Generator[None]:
         ) from error
 
 
-def _build(folder: Path, base: Path, environment: EngineEnvironment, name: str) -> None:
-    if _run([str(base), "-I", "-m", "venv", str(folder)]) != 0:
+def _build(folder: Path, base: Path, environment: EngineEnvironment, name: str, lock: int) -> None:
+    if _run([str(base), "-I", "-m", "venv", str(folder)], lock) != 0:
         raise EngineEnvironmentError(
             f"{base} cannot make environments, for the reason above: install its venv module, or give another --python"
         )
     packages = [*environment.packages, *_CONTRACT_NEEDS]
     pip = [str(python_in(folder)), "-m", "pip", "install", "--disable-pip-version-check", "--no-input"]
-    if _run([*pip, *packages]) != 0:
+    if _run([*pip, *packages], lock) != 0:
         raise EngineEnvironmentError(
             f'engine "{name}": pip could not install {", ".join(environment.packages)}, for the reason above;'
             " once that is mended, the same command tries again"
         )
 
 
-def _run(command: Sequence[str]) -> int:
-    """Run a command that shows its progress on stderr, and see it end whatever happens."""
+def _run(command: Sequence[str], lock: int) -> int:
+    """Run a command that shows its progress on stderr, and see it end whatever happens.
+
+    Where this process is killed, the command goes on, and keeps the lock: nobody builds in its place meanwhile.
+    """
     # Variables that are meant for the Python of this process would mislead the other one.
     surroundings = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     stderr = 2
     with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=stderr, env=surroundings, start_new_session=True
+        command, stdin=subprocess.DEVNULL, stdout=stderr, env=surroundings, pass_fds=(lock,), start_new_session=True
     ) as process:
         try:
             return process.wait()

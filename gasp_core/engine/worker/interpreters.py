@@ -28,6 +28,8 @@ def wanted_versions(python: str) -> SpecifierSet:
         Where it is neither.
     """
     try:
+        if not python.strip():
+            raise InvalidSpecifier
         return SpecifierSet(f"=={python}.*" if python[:1].isdigit() else python)
     except InvalidSpecifier:
         raise EngineEnvironmentError(

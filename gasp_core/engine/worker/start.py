@@ -23,7 +23,7 @@ from typing import Any
 
 __all__ = ["LentPackages", "main"]
 
-_LINGER = 4.0
+_LINGER = 3.0
 """Seconds a worker may take to end by itself once nobody speaks to it any more."""
 _PR_SET_PDEATHSIG = 1
 

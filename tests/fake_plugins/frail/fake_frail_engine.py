@@ -23,8 +23,14 @@ class OddSceneError(SceneError):
 class Frail:
     def open(self, problem, *, device, precision, seed, accuracy, options, restart=None):
         if options.note is not None:
-            told = (problem, device, precision, seed, accuracy, options, restart)
-            options.note.write_bytes(pickle.dumps((os.getpid(), sorted(sys.modules), os.getcwd(), told)))
+            note = {
+                "pid": os.getpid(),
+                "modules": sorted(sys.modules),
+                "folder": os.getcwd(),
+                "prefix": sys.prefix,
+                "given": (problem, device, precision, seed, accuracy, options, restart),
+            }
+            options.note.write_bytes(pickle.dumps(note))
         if options.fault.startswith("open:"):
             commit(options.fault.removeprefix("open:"))
         return FrailSession(problem, options, restart)
