@@ -30,6 +30,7 @@ def folders_of_their_own(monkeypatch, tmp_path):
     logs = tmp_path / "logs"
     logs.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(logs))
+    monkeypatch.setenv("TMPDIR", str(logs))
     monkeypatch.setenv("GASP_ENVIRONMENTS", str(tmp_path / "environments"))
 
 

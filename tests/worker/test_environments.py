@@ -68,7 +68,7 @@ def everything(folder):
 
 
 def test_an_engine_without_its_environment_says_what_to_do(registry):
-    with pytest.raises(EngineEnvironmentError, match='"away".* is not installed: gasp engines install away'):
+    with pytest.raises(EngineEnvironmentError, match=r'"away".* is not installed: gasp engines install away'):
         registry.load("away")
 
 

@@ -5,6 +5,7 @@ import math
 import os
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,7 +101,7 @@ def test_the_worker_imports_the_contract_and_its_plugin_alone(isolated, opened, 
         session.advance_to(0.1)
         session.read(ALL)
     assert read()["pid"] != os.getpid()
-    assert read()["folder"] == os.getcwd()
+    assert read()["folder"] == str(Path.cwd())
     assert read()["prefix"] == sys.prefix
     modules = read()["modules"]
     roots = {name.partition(".")[0] for name in modules} - set(sys.stdlib_module_names)

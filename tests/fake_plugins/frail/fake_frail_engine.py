@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time as clock
+from pathlib import Path
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class Frail:
             note = {
                 "pid": os.getpid(),
                 "modules": sorted(sys.modules),
-                "folder": os.getcwd(),
+                "folder": str(Path.cwd()),
                 "prefix": sys.prefix,
                 "given": (problem, device, precision, seed, accuracy, options, restart),
             }
