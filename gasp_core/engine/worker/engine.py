@@ -8,12 +8,13 @@ import os
 import sys
 import threading
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core import errors
@@ -32,6 +33,7 @@ from gasp_core.engine.worker.lending import lent_for, loans
 from gasp_core.engine.worker.lines import Message
 from gasp_core.engine.worker.parcels import Block
 from gasp_core.engine.worker.process import WorkerProcess
+from gasp_core.engine.worker.recycling import Recycling
 from gasp_core.engine.worker.wire import from_plain, to_plain
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, EngineEnvironmentError
 
@@ -214,6 +216,7 @@ class _WorkerSession:
         self._time = time
         self._limits = limits
         self._engine = engine
+        self._memory = Recycling()
         self._finalizer = weakref.finalize(self, worker.end)  # where nobody closes it
 
     @property
@@ -229,7 +232,7 @@ class _WorkerSession:
     def read(self, fields: frozenset[Field]) -> PointState:
         words = sorted(field.value for field in fields)
         done = self._asked({"do": "read", "fields": words}, f"reading {', '.join(words)}")
-        return PointState(time=done["time"], **self._unpacked(done))
+        return PointState(time=done["time"], **self._unpacked(done, self._memory.empty))
 
     def checkpoint(self) -> Mapping[str, Array]:
         return self._unpacked(self._asked({"do": "checkpoint"}, "making a checkpoint"))
@@ -265,10 +268,10 @@ class _WorkerSession:
             raise ValueError("the session is closed")
         return _answered(self._worker, message, doing, self._limits.frame)
 
-    def _unpacked(self, done: Message) -> dict[str, Array]:
+    def _unpacked(self, done: Message, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
         assert self._worker is not None
         try:
-            return self._worker.block.unpack(done["layout"])
+            return self._worker.block.unpack(done["layout"], empty)
         except (TypeError, ValueError) as error:
             raise self._worker.crash(f"sent arrays that are not there ({error})") from error
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -67,15 +67,26 @@ class Block:
             view[...] = array
         return layout
 
-    def unpack(self, layout: Layout) -> dict[str, Array]:
+    def unpack(self, layout: Layout, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
         """Copies of the arrays in the block, owned by whoever asks.
+
+        Parameters
+        ----------
+        layout
+            What `pack` said at the other end.
+        empty
+            Makes the arrays to copy into, of a shape and a type.
 
         Raises
         ------
         ValueError, TypeError
             Where the layout is not of what the block holds.
         """
-        return {name: view.copy() for name, view in self._views(layout).items()}
+        copies: dict[str, Array] = {}
+        for name, view in self._views(layout).items():
+            copies[name] = empty(view.shape, view.dtype)
+            copies[name][...] = view
+        return copies
 
     def close(self) -> None:
         """Let go of the memory; it is freed once both processes have. May be called twice."""
