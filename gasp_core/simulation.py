@@ -36,7 +36,7 @@ from gasp_core.engine.contract import (
 from gasp_core.engine.detector import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 from gasp_core.engine.options import build_options
 from gasp_core.engine.registry import discover
-from gasp_core.engine.worker.engine import Limits
+from gasp_core.engine.worker.session import Limits
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError, SceneError
 from gasp_core.games import FLATNESS, flatten
 from gasp_core.gaussians import Gaussians

@@ -15,7 +15,7 @@ from gasp_core.engine.plugins import FoundPlugin, PluginOffers, installed_plugin
 from gasp_core.errors import DuplicateEngineError, PluginLoadError, UnknownEngineError
 
 if TYPE_CHECKING:
-    from gasp_core.engine.worker.engine import Limits
+    from gasp_core.engine.worker.session import Limits
 
 __all__ = ["EngineOffer", "FoundPlugin", "PluginFailure", "Registry", "discover"]
 

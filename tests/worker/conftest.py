@@ -10,7 +10,7 @@ import pytest
 from gasp_core import Elastic, EngineAccuracy, Precision
 from gasp_core.engine.contract import PointCloud, PointProblem
 from gasp_core.engine.registry import discover
-from gasp_core.engine.worker.engine import Limits
+from gasp_core.engine.worker.session import Limits
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
 

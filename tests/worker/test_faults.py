@@ -91,13 +91,23 @@ def _group(pid):
 
 @pytest.mark.parametrize("fault", ["segfault", "kill", "hang", "error"])
 def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, gone, told, logs):
-    from gasp_core.engine.worker.engine import Limits
+    from gasp_core.engine.worker.session import Limits
 
     note, read = told
     with pytest.raises(EngineCrashedError, match="while opening the scene"):
         opened(registry.worker("frail", Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
     assert gone(read()["pid"])
     assert len(logs()) == 1
+
+
+def test_a_fork_of_this_process_ends_nobody_elses_worker(isolated, opened, problem):
+    with opened(isolated, problem) as session:
+        child = os.fork()
+        if child == 0:
+            session._worker.end()  # as its finalizer does at exit
+            os._exit(0)
+        assert os.waitpid(child, 0) == (child, 0)
+        session.advance_to(0.1)
 
 
 def test_killed_between_two_questions(isolated, opened, problem, told):
@@ -161,7 +171,7 @@ def test_a_forgotten_session_takes_its_worker_along(registry, opened, problem, t
 )
 def test_a_worker_that_does_not_speak_as_we_do(says, kind, words, gone):
     code = says if says == "pass" else f"import time\n{says}\ntime.sleep(3600)"
-    worker = WorkerProcess("frail", [sys.executable, "-c", code], Block.make())
+    worker = WorkerProcess("frail", [sys.executable, "-c", code], os.environ, Block.make())
     begun = time.monotonic()
     # An interpreter takes a while to come up; the last one of these shall not.
     with pytest.raises(kind, match=words):
@@ -174,7 +184,7 @@ def test_a_worker_that_does_not_speak_as_we_do(says, kind, words, gone):
 def test_an_interpreter_that_is_not_there(tmp_path, logs):
     block = Block.make()
     with pytest.raises(EngineEnvironmentError, match="cannot be run: No such file"):
-        WorkerProcess("frail", [str(tmp_path / "python")], block)
+        WorkerProcess("frail", [str(tmp_path / "python")], os.environ, block)
     block.close()
     assert logs() == []
 

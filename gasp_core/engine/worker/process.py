@@ -8,7 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -36,6 +36,8 @@ class WorkerProcess:
         Of the engine, for messages.
     command
         What to run; `block.descriptor` is inherited under its own number.
+    surroundings
+        Environment variables for it.
     block
         Shared with it; closed with it.
 
@@ -45,18 +47,20 @@ class WorkerProcess:
         Where it cannot be started.
     """
 
-    def __init__(self, name: str, command: Sequence[str], block: Block) -> None:
+    def __init__(self, name: str, command: Sequence[str], surroundings: Mapping[str, str], block: Block) -> None:
         self.name = name
         self.block = block
         self._busy = False
         self._over = False
         self._obituary = ""
+        self._owner = os.getpid()
         descriptor, path = tempfile.mkstemp(prefix=f"gasp-{name}-", suffix=".log")
         self.log = Path(path)
         try:
             # A session of its own: Ctrl-C on the terminal is for us, who then end it in order.
             self._process = subprocess.Popen(
                 command,
+                env=surroundings,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=descriptor,
@@ -102,13 +106,19 @@ class WorkerProcess:
             )
         self._busy = False
 
-    def ask(self, message: Message, doing: str, limit: float) -> Message:
+    def ask(self, message: Message, doing: str, limit: float, remedy: str = "") -> Message:
         """Send a message and wait for the answer, for at most `limit` [s].
 
         Parameters
         ----------
+        message
+            What to do.
         doing
-            What it does then, for the error: "opening the scene".
+            The same for the error: "opening the scene".
+        limit
+            Seconds after which it is given up.
+        remedy
+            What the user can do about that.
 
         Raises
         ------
@@ -123,7 +133,7 @@ class WorkerProcess:
             send(self._to, message)
         except OSError:
             raise self._died(doing) from None
-        answer = self._answer(doing, limit)
+        answer = self._answer(doing, limit, remedy)
         self._busy = False
         return answer
 
@@ -137,7 +147,8 @@ class WorkerProcess:
 
     def end(self) -> None:
         """End it, in order where it is not busy, and remove its log; may be called twice, and after a crash."""
-        if self._over:
+        # A fork of this process has no say in it.
+        if self._over or os.getpid() != self._owner:
             return
         if self.is_idle:
             with contextlib.suppress(OSError):
@@ -148,7 +159,7 @@ class WorkerProcess:
         with contextlib.suppress(OSError):
             self.log.unlink()
 
-    def _answer(self, doing: str, limit: float) -> Message:
+    def _answer(self, doing: str, limit: float, remedy: str = "") -> Message:
         deadline = time.monotonic() + limit
         while True:
             left = deadline - time.monotonic()
@@ -159,9 +170,8 @@ class WorkerProcess:
                 if dead:
                     raise self._died(doing) from None
                 if left <= 0:
-                    raise self.crash(
-                        f"was given up after {limit:g} s while {doing} (set a longer frame_limit if it needs that)"
-                    ) from None
+                    hint = f" ({remedy})" if remedy else ""
+                    raise self.crash(f"was given up after {limit:g} s while {doing}{hint}") from None
             except EOFError:
                 raise self._died(doing) from None
             except ValueError as error:

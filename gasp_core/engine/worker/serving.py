@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import sys
 import traceback
 from typing import Any, BinaryIO, cast
 
@@ -34,7 +33,6 @@ def serve(inbox: Inbox, answers: BinaryIO, block: Block) -> None:
         except BaseException as error:
             # Whatever it is, an exit included: the other side decides what becomes of it.
             answer = {"failed": _failure(error)}
-        sys.stdout.flush()
         send(answers, answer)
 
 
@@ -56,12 +54,12 @@ class _Desk:
             raise ValueError("no session is open")
         if what == "advance":
             report = session.advance_to(message["time"])
-            return {"time": session.time, "report": to_plain(report, {})}
+            return {"time": float(session.time), "report": to_plain(report, {})}
         if what == "read":
             state = session.read(frozenset(Field(name) for name in message["fields"]))
             arrays = {field.value: getattr(state, field.value) for field in Field}
             shown = {name: np.asarray(array) for name, array in arrays.items() if array is not None}
-            return {"time": state.time, "layout": self._block.pack(shown)}
+            return {"time": float(state.time), "layout": self._block.pack(shown)}
         if what == "checkpoint":
             kept = {name: np.asarray(array) for name, array in session.checkpoint().items()}
             return {"layout": self._block.pack(kept)}
@@ -76,7 +74,7 @@ class _Desk:
         given = from_plain(message["arguments"], arrays)
         engine = self._engine(message["factory"], message["remedy"])
         self._session = engine.open(given.pop("problem"), **given)
-        return {"time": self._session.time}
+        return {"time": float(self._session.time)}
 
     def _engine(self, factory: str, remedy: str) -> PointEngine:
         if factory not in self._engines:

@@ -105,6 +105,7 @@ def commit(fault):
     elif fault == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     elif fault == "hang":
+        print("about to hang", flush=True)
         clock.sleep(3600)
     elif fault == "hang in C":
         # Holds the interpreter's lock, so that no other thread of the process runs.
