@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_genesis_mpm.portions import Portion
 from gasp_genesis_mpm.laws import Law, law_of, stiffness_of
+from gasp_genesis_mpm.portions import Portion
 
 __all__ = ["PARTICLE_VOLUME", "TICK", "Motion", "Numbers", "Units"]
 

@@ -18,7 +18,6 @@ from gasp_core.engine.stability import MotionLimits, event_times, hardening_of, 
 from gasp_core.errors import SceneError
 from gasp_genesis_mpm.bounds import stable_step
 from gasp_genesis_mpm.checkpoint import restored, stored
-from gasp_genesis_mpm.motion import Motion
 from gasp_genesis_mpm.performance import Performance
 from gasp_genesis_mpm.window import TooWideError
 
