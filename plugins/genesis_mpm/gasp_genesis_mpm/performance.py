@@ -31,6 +31,9 @@ _VISCOUS_GRAIN = 0.02
 class Performance:
     """A scene of Genesis and the place of its grid.
 
+    `is_made_for_a_step` where another substep wants another scene, which takes seconds to build: where a fluid is
+    viscous.
+
     Parameters
     ----------
     problem, precision
@@ -69,7 +72,9 @@ class Performance:
         self._places = np.array([(wall.place - origin) / spacing for wall in self._walls]).reshape(-1, 3)
         bound = min(rest_bound(portion.material, spacing) for portion in self.portions)
         self._nothing = _NOTHING[precision] * bound
-        self._viscous = any(isinstance(one.material, Fluid) and one.material.viscosity > 0 for one in self.portions)
+        self.is_made_for_a_step = any(
+            isinstance(one.material, Fluid) and one.material.viscosity > 0 for one in self.portions
+        )
         self._blueprint: Any = None
         self._stage: Any = None
         lender.enter(precision)
@@ -108,7 +113,7 @@ class Performance:
         """Have the scene that this window and this substep want."""
         from gasp_genesis_mpm.stage import Blueprint
 
-        if self._viscous:
+        if self.is_made_for_a_step:
             step = math.exp(_VISCOUS_GRAIN * round(math.log(step) / _VISCOUS_GRAIN))
         wanted = Blueprint(
             half=self.window.half,

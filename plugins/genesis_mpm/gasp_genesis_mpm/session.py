@@ -29,6 +29,8 @@ _LONGEST_BATCH = 20
 """Substeps between two looks at what bounds them."""
 _BATCH_TRAVEL = 0.5
 """In cells: how far a point may fly between two looks."""
+_SAME_PACE = 1e-6
+"""Relative: times of frames are sums, and their differences are not the same to the last digit."""
 
 
 class _Verdict(Exception):
@@ -61,6 +63,7 @@ class GenesisSession:
         self._origin = grid_node(problem, spacing)
         self._events = event_times(problem.drives, problem.force_fields)
         self._hardening = hardening_of(problem)
+        self._pace = math.inf
         start = restored(restart, problem, self._origin, spacing)
         self._time, self._motion = start.time, start.motion
         try:
@@ -164,7 +167,7 @@ class GenesisSession:
                 f"this frame needs about {total} substeps of {allowed:.3g} s, more than the limit of"
                 f" {self._accuracy.substep_limit}: raise substep_limit, lower the stiffness, or coarsen the resolution",
             )
-        count, step = substeps_to(landing - self._time, allowed)
+        count, step = self._paced(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
         try:
@@ -180,6 +183,19 @@ class GenesisSession:
         self._time = landing if taking == count else self._time + taking * step
         self._refuse_leap(step)
         return [step] * taking
+
+    def _paced(self, remaining: float, allowed: float) -> tuple[int, float]:
+        """Number and size [s] of equal steps that land on the end of `remaining` [s].
+
+        Those of before, where another size would cost a scene, as long as they land there and are neither too large
+        nor less than half of what is allowed.
+        """
+        if self._living().is_made_for_a_step and self._pace <= allowed < 2 * self._pace:
+            count = round(remaining / self._pace)
+            if count and abs(remaining / count / self._pace - 1) < _SAME_PACE:
+                return count, remaining / count
+        count, self._pace = substeps_to(remaining, allowed)
+        return count, self._pace
 
     def _limits(self) -> MotionLimits:
         motion = self._motion
