@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,18 +26,32 @@ _MOTION = ("cells", "velocities", "affine_velocities", "deformations", "history"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Where a session begins: at a time [s], with a motion, and with a place for the grid, None for any."""
+    """Where a session begins.
+
+    Parameters
+    ----------
+    time
+        [s]
+    pace
+        The substep of before [s]; infinite where there was none.
+    motion
+        Of the points.
+    window
+        The place of the grid; None for any.
+    """
 
     time: float
+    pace: float
     motion: Motion
     window: Window | None
 
 
-def stored(time: float, motion: Motion, window: Window, origin: Array, spacing: float) -> dict[str, Array]:
+def stored(time: float, pace: float, motion: Motion, window: Window, origin: Array, spacing: float) -> dict[str, Array]:
     """Arrays from which a session goes on as if nothing had happened."""
     arrays = {name: getattr(motion, name).copy() for name in _MOTION}
     grid = np.array([window.shift, window.half])
-    return {"time": np.array(time), "frame": np.array([*origin, spacing]), "window": grid, **arrays}
+    frame = np.array([*origin, spacing])
+    return {"time": np.array(time), "pace": np.array(pace), "frame": frame, "window": grid, **arrays}
 
 
 def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin: Array, spacing: float) -> Start:
@@ -48,11 +63,11 @@ def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin:
         Where the checkpoint is of another problem.
     """
     if restart is None:
-        return Start(time=0.0, motion=_beginning(problem, origin, spacing), window=None)
+        return Start(time=0.0, pace=math.inf, motion=_beginning(problem, origin, spacing), window=None)
     count = len(problem.points)
     shapes = {"cells": (count, 3), "velocities": (count, 3), "history": (count,)}
     shapes |= {"affine_velocities": (count, 3, 3), "deformations": (count, 3, 3)}
-    for name, shape in {"time": (), "frame": (4,), "window": (2, 3), **shapes}.items():
+    for name, shape in {"time": (), "pace": (), "frame": (4,), "window": (2, 3), **shapes}.items():
         found = np.shape(restart[name]) if name in restart else "nothing"
         if found != shape:
             raise SceneError(
@@ -66,7 +81,8 @@ def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin:
         )
     shift, half = ((int(x), int(y), int(z)) for x, y, z in restart["window"])
     motion = Motion(**{name: np.array(restart[name], dtype=np.float64) for name in _MOTION})
-    return Start(time=float(restart["time"]), motion=motion, window=Window(shift=shift, half=half))
+    window = Window(shift=shift, half=half)
+    return Start(time=float(restart["time"]), pace=float(restart["pace"]), motion=motion, window=window)
 
 
 def _beginning(problem: PointProblem, origin: Array, spacing: float) -> Motion:

@@ -63,9 +63,8 @@ class GenesisSession:
         self._origin = grid_node(problem, spacing)
         self._events = event_times(problem.drives, problem.force_fields)
         self._hardening = hardening_of(problem)
-        self._pace = math.inf
         start = restored(restart, problem, self._origin, spacing)
-        self._time, self._motion = start.time, start.motion
+        self._time, self._pace, self._motion = start.time, start.pace, start.motion
         try:
             self._performance: Performance | None = Performance(
                 problem, precision, spacing, self._origin, start.motion, start.window
@@ -131,7 +130,7 @@ class GenesisSession:
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
         window = self._living().window
-        return stored(self._time, self._motion, window, self._origin, self._spacing)
+        return stored(self._time, self._pace, self._motion, window, self._origin, self._spacing)
 
     def close(self) -> None:
         """Give Genesis' scene back; may be called twice."""

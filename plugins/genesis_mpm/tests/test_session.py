@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -158,5 +157,5 @@ def test_nothing_is_written_where_it_runs(engine, tmp_path, monkeypatch, capfd) 
     floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
     with opened(engine, thrown(block(1), colliders=(floor,))) as session:
         session.advance_to(0.01)
-    assert not os.listdir(tmp_path)
+    assert not list(tmp_path.iterdir())
     assert not capfd.readouterr().out
