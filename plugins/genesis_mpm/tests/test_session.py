@@ -64,7 +64,7 @@ def test_the_grid_follows_a_flight_that_its_first_place_does_not_reach(engine) -
 def test_a_cloud_that_spreads_is_given_a_larger_grid_and_flies_on(engine) -> None:
     """Eight points with nothing near them."""
     start = 6 * block(1)
-    velocities = 1.5 * (start - start.mean(axis=0))
+    velocities = 4.0 * (start - start.mean(axis=0))
     points = replace(thrown(start).points, initial_velocities=velocities, body_ids=np.arange(len(start)))
     with opened(engine, PointProblem(points=points, materials=(SOFT,), gravity=STILL)) as session:
         first = session.checkpoint()["window"]
@@ -137,19 +137,6 @@ def test_a_box_holds_a_falling_block_on_its_face(engine) -> None:
         low = session.read(ALL).positions[:, 2].min()
     # Walls act at nodes: felt a cell away at most, and sunk into by less than one.
     assert -SPACING < low < SPACING
-
-
-def test_a_substep_bound_follows_the_stiffest_point(engine) -> None:
-    """A point lighter than its class is as stiff as the class, and bears less."""
-    start = block(1)
-    even = thrown(start)
-    uneven = thrown(start, volumes=even.points.reference_volumes * np.where(np.arange(8) == 3, 0.25, 1.0))
-    counts = []
-    for problem in (even, uneven):
-        with opened(engine, problem) as session:
-            counts.append(session.advance_to(0.01).substep_count)
-    # Two volumes, two classes: nothing is lighter than its class.
-    assert counts[0] == counts[1]
 
 
 def test_nothing_is_written_where_it_runs(engine, tmp_path, monkeypatch, capfd) -> None:
