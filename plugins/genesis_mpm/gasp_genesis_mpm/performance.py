@@ -101,8 +101,15 @@ class Performance:
             units.scaled_gravity(self._problem.gravity, step),
             self._places - shift,
         )
-        self._stage.step(count)
-        return units.motion(self._stage.read(), shift, step)
+        try:
+            self._stage.step(count)
+        except FloatingPointError:
+            self._discard()
+            raise
+        numbers = self._stage.read()
+        if not (np.isfinite(numbers.positions).all() and np.isfinite(numbers.velocities).all()):
+            self._discard()
+        return units.motion(numbers, shift, step)
 
     def end(self) -> None:
         """Give the scene back."""
@@ -124,6 +131,11 @@ class Performance:
         if wanted != self._blueprint:
             self._give_back()
             self._stage, self._blueprint = lender.lend(wanted), wanted
+
+    def _discard(self) -> None:
+        """Keep a scene from the next session: Genesis empties the nodes it has noted, and notes none without a mass."""
+        lender.discard(self._stage)
+        self._stage = self._blueprint = None
 
     def _give_back(self) -> None:
         if self._stage is not None:

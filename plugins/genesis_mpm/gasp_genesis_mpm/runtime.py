@@ -78,8 +78,12 @@ class Lender:
             self._idle.append((blueprint, stage))
             while len(self._idle) > _KEPT:
                 _, oldest = self._idle.pop(0)
-                with _quiet():
-                    oldest.destroy()
+                self.discard(oldest)
+
+    def discard(self, stage: Any) -> None:
+        """A scene that nobody is to use again."""
+        with self._lock, _quiet():
+            stage.destroy()
 
     def _start(self, precision: Precision) -> None:
         with _quiet():

@@ -11,6 +11,7 @@ from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointPr
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy
 from gasp_core.engine.materials import Elastic, Fluid, Material
 from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.engine.stability import MotionLimits
 from gasp_core.errors import SceneError
 
 SPACING = 0.1
@@ -82,6 +83,21 @@ def test_a_viscous_fluid_keeps_its_substep_from_frame_to_frame(engine) -> None:
         times = np.linspace(0, 0.2, 6)[1:]
         sizes = [session.advance_to(float(time)).largest_substep for time in times]
     assert max(sizes) / min(sizes) < 1.01
+
+
+def test_a_run_that_blew_up_leaves_nothing_to_the_next(engine) -> None:
+    """The same scene of Genesis would serve both."""
+    with opened(engine, thrown(block(1))) as session:
+        session.advance_to(0.01)
+        before = session.read(ALL).positions
+    with opened(engine, thrown(block(1))) as session:
+        session._motion = replace(session._motion, affine_velocities=np.full((8, 3, 3), np.nan))
+        session._limits = lambda: MotionLimits(stress=1e-3, speed=1.0, velocity_gradient=1.0)
+        report = session.advance_to(0.01)
+        assert report.status is Status.NON_FINITE and "\n" not in report.warnings[0]
+    with opened(engine, thrown(block(1))) as session:
+        session.advance_to(0.01)
+        assert np.array_equal(session.read(ALL).positions, before)
 
 
 def test_who_leaves_a_domain_is_named_and_the_run_stops(engine) -> None:
