@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +26,8 @@ Array = NDArray[Any]
 
 _RIGID_CELLS = 16
 """Along a rigid body's longest side, where boxes stand for it."""
+_MOST_CELLS = 2**14
+"""Of a cage's whole lattice: MuJoCo keeps 4.6 kB for each, filled or not."""
 _COARSER = 1.03
 """By how much cells grow at least until their nodes are few enough."""
 
@@ -56,7 +59,7 @@ class MujocoFlex:
         spacing = accuracy.spacing_for(problem.points)
         cages, side = _cages(problem, soft, spacing, options)
         bodies = [_rigid(problem, rows, spacing, filled=options.filled) for rows in hard]
-        model = build_model(problem, cages, bodies, accuracy, options)
+        model = build_model(problem, cages, bodies, options)
         note = ""
         if side > 1.5 * spacing and not options.cells:
             note = (
@@ -92,9 +95,7 @@ def _cages(
         return [], spacing
     points = problem.points
     clouds = [points.reference_positions[rows] for rows in bodies]
-    margins = [
-        point_distance(cloud, points.reference_volumes[rows]) / 2 for cloud, rows in zip(clouds, bodies)
-    ]
+    margins = [point_distance(cloud, points.reference_volumes[rows]) / 2 for cloud, rows in zip(clouds, bodies)]
     largest = max(float(np.ptp(cloud, axis=0).max()) + 2 * margin for cloud, margin in zip(clouds, margins))
     if 8 * len(bodies) > options.node_limit:
         raise SceneError(
@@ -103,8 +104,10 @@ def _cages(
         )
     side = largest / options.cells if options.cells else spacing
 
-    def nodes(side: float) -> int:
+    def nodes(side: float) -> float:
         lattices = [lattice_around(cloud, margin, side) for cloud, margin in zip(clouds, margins)]
+        if sum(np.prod(one.shape) for one in lattices) > _MOST_CELLS:
+            return math.inf
         return sum(node_count(one, cloud, filled=options.filled) for one, cloud in zip(lattices, clouds))
 
     def built(side: float) -> list[Cage]:
@@ -118,13 +121,14 @@ def _cages(
         count = nodes(side)
         if count > options.node_limit:
             raise SceneError(
-                f"{options.cells} cells make cages of {count:,} nodes, more than node_limit {options.node_limit}:"
-                " ask for fewer cells, drop floaters, or raise node_limit and wait"
+                f"{options.cells} cells along the largest body make cages of more than {_MOST_CELLS:,} cells or"
+                f" {options.node_limit:,} nodes (node_limit): ask for fewer cells, or drop floaters"
             )
         return built(side), side
-    side = max(side, largest / options.node_limit)
+    side = max(side, largest / _MOST_CELLS ** (2 / 3))
     while (count := nodes(side)) > options.node_limit:
-        side *= max(_COARSER, 0.9 * float(np.cbrt(count / options.node_limit)))
+        # Cells that fill a line, a face or a body are the fewer the larger they are, by the power of one to three.
+        side *= max(_COARSER, 0.9 * float(np.cbrt(count / options.node_limit)) if math.isfinite(count) else 1.2)
     cages = built(side)
     while sum(len(cage.masses) for cage in cages) > options.node_limit:
         side *= _COARSER

@@ -61,8 +61,8 @@ def lattice_around(positions: Array, margin: float, side: float) -> Lattice:
     counts = np.maximum(np.rint((upper - lower) / side), 1.0)
     if counts.prod() > _LARGEST_LATTICE:
         raise SceneError(
-            f"points of one body are up to {float((upper - lower).max()):.3g} m apart, too far for cells of {side:.3g} m:"
-            " drop its floaters, or lower the resolution"
+            f"points of one body are up to {float((upper - lower).max()):.3g} m apart, too far for cells of"
+            f" {side:.3g} m: drop its floaters, or lower the resolution"
         )
     x, y, z = (int(count) for count in counts)
     return Lattice(lower=lower, sides=(upper - lower) / counts, shape=(x, y, z))

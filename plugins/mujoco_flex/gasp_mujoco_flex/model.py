@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
+from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Collider, ContactCondition, Side
 from gasp_core.engine.materials import Elastic
 from gasp_core.errors import SceneError
@@ -79,7 +79,6 @@ def build_model(
     problem: PointProblem,
     cages: Sequence[Cage],
     bodies: Sequence[RigidBody],
-    accuracy: EngineAccuracy,
     options: MujocoOptions,
 ) -> Model:
     """Compile a scene.
@@ -91,7 +90,7 @@ def build_model(
     """
     units = _units(cages, bodies)
     spec = mujoco.MjSpec()
-    _set_options(spec, problem, accuracy, units)
+    _set_options(spec, problem, units)
     crowded = _overlap(cages, bodies)
     contact = {
         "condim": 3 if options.body_friction > 0 else 1,
@@ -139,13 +138,12 @@ def _units(cages: Sequence[Cage], bodies: Sequence[RigidBody]) -> Units:
     return Units(origin=(low + high) / 2, length=max(lengths), mass=float(masses.mean()))
 
 
-def _set_options(spec: Any, problem: PointProblem, accuracy: EngineAccuracy, units: Units) -> None:
+def _set_options(spec: Any, problem: PointProblem, units: Units) -> None:
     option = spec.option
     option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     option.solver = mujoco.mjtSolver.mjSOL_CG
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.iterations = _ITERATIONS
-    option.tolerance = accuracy.solver_tolerance
     option.gravity = np.asarray(problem.gravity) / units.length
     # What is not finite has to be seen, not set back to the start.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -253,7 +251,9 @@ def _solid(problem: PointProblem, material: int) -> Elastic:
 def _set_stiffness(compiled: Any, cages: Sequence[Cage], problem: PointProblem, units: Units) -> None:
     """Give every cell its own stiffness: of its material, and as much of it as the cell is filled."""
     for number, cage in enumerate(cages):
-        start = int(compiled.flex_stiffnessadr[mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_FLEX, f"cage{number}_elastic")])
+        start = int(
+            compiled.flex_stiffnessadr[mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_FLEX, f"cage{number}_elastic")]
+        )
         size = 576 * int(np.prod(cage.lattice.shape))
         cells = compiled.flex_stiffness[start : start + size].reshape(*cage.lattice.shape, 576)
         of_material = {

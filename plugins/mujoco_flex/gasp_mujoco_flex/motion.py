@@ -22,6 +22,9 @@ Array = NDArray[Any]
 
 _HELD = 1e8
 """Inertia of what is held, in mean nodes: nothing moves it but its drive."""
+_FREE, _TOUCHING = 1e-6, 1e-4
+"""MuJoCo's tolerance, over the one asked for, without and with contacts: it is one of a step's acceleration, and what
+hundreds of steps leave undone of momentum adds up. Contacts take more iterations, and are less exact by themselves."""
 _SAMPLE = 500
 """Points of a rigid body that are asked whether a drive reaches it."""
 
@@ -35,9 +38,11 @@ class Motion:
         The scene.
     model
         Of it.
+    tolerance
+        Relative, of what is iterated.
     """
 
-    def __init__(self, problem: PointProblem, model: Model) -> None:
+    def __init__(self, problem: PointProblem, model: Model, tolerance: float) -> None:
         self._problem = problem
         self._model = model
         self._state = State(model)
@@ -48,6 +53,8 @@ class Motion:
         self._stuck = np.zeros(count, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
+        self._tolerance = tolerance
+        self._touched = False
         self._begun = False
 
     # Stepping ---------------------------------------------------------------------------------------------------------
@@ -56,8 +63,12 @@ class Motion:
         """Take one step from `time` [s]; what went wrong, or nothing."""
         mj, data = self._model.mj, self._state.data
         mj.opt.timestep = step
+        mj.opt.tolerance = (_TOUCHING if self._touched else _FREE) * self._tolerance
         # Stopped within a step, and not pushed back.
-        for references, gentle in ((mj.geom_solref, self._model.gentle_geoms), (mj.flex_solref, self._model.gentle_flexes)):
+        for references, gentle in (
+            (mj.geom_solref, self._model.gentle_geoms),
+            (mj.flex_solref, self._model.gentle_flexes),
+        ):
             references[gentle] = (-1e-12, -1.0 / step)
         self._begun = True
         active = grips(self._problem.drives, time, step)
@@ -69,6 +80,7 @@ class Motion:
             mujoco.mj_step(mj, data)
         except mujoco.FatalError as error:
             return f"MuJoCo gave up: {' '.join(str(error).split())}"
+        self._touched = bool(data.ncon)
         held, ends, velocities = nodes
         self._state.place(held, ends, velocities)
         for number, turn, centre, velocity, spin in bodies:
@@ -180,11 +192,11 @@ class Motion:
 
     # Looking ----------------------------------------------------------------------------------------------------------
 
-    def speed(self, time: float) -> float:
-        """Of the fastest node or body, or what drives are about to make of one [m/s]."""
-        speeds = [0.0, *np.linalg.norm(self._state.velocities, axis=1)]
-        speeds += [float(np.linalg.norm(self._state.twist(number)[0])) for number in range(len(self._model.bodies))]
-        return float(max(speeds))
+    def speed(self) -> float:
+        """Of the fastest node or body [m/s]."""
+        nodes = np.linalg.norm(self._state.velocities, axis=1)
+        bodies = [float(np.linalg.norm(self._state.twist(number)[0])) for number in range(len(self._model.bodies))]
+        return max(float(nodes.max(initial=0.0)), *bodies, 0.0)
 
     def lost(self) -> str:
         """What is no longer finite, in a sentence; nothing where all is."""
@@ -202,7 +214,9 @@ class Motion:
             mujoco.mjtWarning.mjWARN_CONTACTFULL: "it had no room for all contacts",
             mujoco.mjtWarning.mjWARN_CNSTRFULL: "it had no room for all constraints",
         }
-        found = [f"MuJoCo, in {warning[kind].number} steps: {text}" for kind, text in told.items() if warning[kind].number]
+        found = [
+            f"MuJoCo, in {warning[kind].number} steps: {text}" for kind, text in told.items() if warning[kind].number
+        ]
         for kind in told:
             warning[kind].number = 0
         return found
@@ -244,11 +258,11 @@ class Motion:
         return {
             "state": self._state.save(),
             "stuck": np.concatenate([self._stuck, self._stuck_bodies]),
-            "begun": np.array(self._begun),
+            "flags": np.array([self._begun, self._touched]),
         }
 
     def restore(self, checkpoint: Mapping[str, Array]) -> None:
         """Go on from what `checkpoint` gave."""
         self._state.restore(checkpoint["state"])
         self._stuck, self._stuck_bodies = np.split(np.array(checkpoint["stuck"], dtype=bool), [len(self._stuck)])
-        self._begun = bool(checkpoint["begun"])
+        self._begun, self._touched = (bool(flag) for flag in checkpoint["flags"])

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,7 +57,7 @@ class MujocoSession:
         self._sound = max((speed for speed in map(sound_speed, used) if math.isfinite(speed)), default=0.0)
         self._side = min((float(cage.lattice.sides.min()) for cage in model.cages), default=math.inf)
         self._smallest = min([self._side, *(float(np.cbrt(one.matter.volumes.sum())) for one in model.bodies)])
-        motion = Motion(problem, model)
+        motion = Motion(problem, model, accuracy.solver_tolerance)
         if restart is not None:
             self._time = _restored(motion, restart)
             self._note = ""
@@ -118,7 +117,7 @@ class MujocoSession:
             span=span,
             side=self._smallest,
             sound=self._sound,
-            speed=motion.speed(self._time),
+            speed=motion.speed(),
             acceleration=math.hypot(*self._problem.gravity),
         )
         needed = len(steps) + math.ceil((end - self._time) / allowed * (1 - 1e-9))
