@@ -121,7 +121,9 @@ def _nodal_velocities(matter: Matter, weights: sparse.csr_array, masses: Array, 
     speed = float(np.abs(matter.velocities).max())
     if not np.abs(missing).max() > 1e-12 * speed:
         return affine
-    normal = weights.T @ sparse.diags_array(matter.masses) @ weights + sparse.diags_array(_UNSEEN * masses)
+    # A node in which no point has a weight is told about by nothing else.
+    ridge = _UNSEEN * np.maximum(masses, _UNSEEN * masses.mean())
+    normal = weights.T @ sparse.diags_array(matter.masses) @ weights + sparse.diags_array(ridge)
     found = splu(sparse.csc_array(normal)).solve(np.asarray(weights.T @ (matter.masses[:, None] * missing)))
     # What following the others took from the momentum; an affine fit leaves none of it.
     return affine + found - masses @ found / masses.sum()

@@ -53,7 +53,16 @@ def cell_stiffness(sides: ArrayLike, law: Array) -> Array:
         strain = np.concatenate([_strain(gradient) for gradient in gradients], axis=1)
         stiffness += strain.T @ law @ strain * half.prod()
     nodal, own = slice(0, 24), slice(24, 33)
-    return stiffness[nodal, nodal] - stiffness[nodal, own] @ np.linalg.solve(stiffness[own, own], stiffness[own, nodal])
+    condensed = np.linalg.solve(stiffness[own, own], stiffness[own, nodal])
+    return _balanced(stiffness[nodal, nodal] - stiffness[nodal, own] @ condensed)
+
+
+def _balanced(stiffness: Array) -> Array:
+    """The same, without what rounding left of forces on a cell that is only shifted: it would add up to momentum."""
+    blocks = stiffness.reshape(8, 3, 8, 3)
+    blocks = blocks - blocks.mean(axis=0, keepdims=True)
+    blocks = blocks - blocks.mean(axis=2, keepdims=True)
+    return blocks.reshape(24, 24)
 
 
 def _strain(gradient: Array) -> Array:
