@@ -56,36 +56,36 @@ class Embedding:
         _spread(self.corners, self.cells, self.places, np.ascontiguousarray(values), rows, out)
 
 
-def _interpolated(corners, cell, place, values, axis):  # type: ignore[no-untyped-def]
-    """One component of nodal values at a place in a cell."""
-    x, y, z = place
-    node = corners[cell]
-    low = (values[node[0], axis] * (1 - z) + values[node[1], axis] * z) * (1 - y)
-    low += (values[node[2], axis] * (1 - z) + values[node[3], axis] * z) * y
-    high = (values[node[4], axis] * (1 - z) + values[node[5], axis] * z) * (1 - y)
-    high += (values[node[6], axis] * (1 - z) + values[node[7], axis] * z) * y
-    return low * (1 - x) + high * x
-
-
-_interpolated = numba.njit(inline="always")(_interpolated)
+@numba.njit(inline="always")
+def _interpolated(corners, cells, places, values, point):  # type: ignore[no-untyped-def]
+    """Nodal values (M, 3) at a point, as three numbers."""
+    cell = cells[point]
+    x, y, z = places[point, 0], places[point, 1], places[point, 2]
+    a = b = c = 0.0
+    for corner in range(8):
+        weight = (x if corner & 4 else 1 - x) * (y if corner & 2 else 1 - y) * (z if corner & 1 else 1 - z)
+        node = corners[cell, corner]
+        a += weight * values[node, 0]
+        b += weight * values[node, 1]
+        c += weight * values[node, 2]
+    return a, b, c
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
 def _carry(corners, cells, places, values, start, rows, out):  # type: ignore[no-untyped-def]
     for point in numba.prange(len(rows)):
-        place = (places[point, 0], places[point, 1], places[point, 2])
+        a, b, c = _interpolated(corners, cells, places, values, point)
         row = rows[point]
-        for axis in range(3):
-            out[row, axis] = start[row, axis] + _interpolated(corners, cells[point], place, values, axis)
+        out[row, 0] = start[row, 0] + a
+        out[row, 1] = start[row, 1] + b
+        out[row, 2] = start[row, 2] + c
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
 def _spread(corners, cells, places, values, rows, out):  # type: ignore[no-untyped-def]
     for point in numba.prange(len(rows)):
-        place = (places[point, 0], places[point, 1], places[point, 2])
         row = rows[point]
-        for axis in range(3):
-            out[row, axis] = _interpolated(corners, cells[point], place, values, axis)
+        out[row, 0], out[row, 1], out[row, 2] = _interpolated(corners, cells, places, values, point)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)

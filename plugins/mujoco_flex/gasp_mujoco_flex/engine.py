@@ -141,4 +141,4 @@ def _rigid(problem: PointProblem, rows: Array, spacing: float, *, filled: bool) 
     margin = point_distance(cloud, problem.points.reference_volumes[rows]) / 2
     side = (float(np.ptp(cloud, axis=0).max()) + 2 * margin) / _RIGID_CELLS
     lattice = lattice_around(cloud, margin, max(side, min(spacing, 2 * margin)))
-    return rigid_body(matter_of(problem, rows, lattice, spacing, filled=filled), lattice)
+    return rigid_body(matter_of(problem, rows, lattice, spacing, filled=filled), lattice, margin)

@@ -28,7 +28,8 @@ def _directions() -> Array:
 
 
 HOLLOW_DIRECTIONS = _directions()
-"""Outward normals of the tangent planes that stand for a ball seen from inside, which MuJoCo does not have."""
+"""Outward normals of the tangent planes that stand for a ball seen from inside, which MuJoCo does not have.
+They are pi / 8 apart along two great circles: the polyhedron reaches out 4 % further than the ball, at its corners."""
 
 
 def geoms_of(collider: Collider, units: Units) -> Iterator[dict[str, Any]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from gasp_mujoco_flex.elements import CORNERS
 from gasp_mujoco_flex.lattice import Lattice
 from gasp_mujoco_flex.matter import Matter
 
@@ -52,8 +53,8 @@ class RigidBody:
     arms: Array
 
 
-def rigid_body(matter: Matter, lattice: Lattice) -> RigidBody:
-    """The rigid body of this matter; where it is far from convex, the lattice's cells are its shape."""
+def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
+    """The rigid body of this matter, whose points stand for what is within `margin` [m] of them along each axis; where it is far from convex, the lattice's cells are its shape."""
     centre = matter.centre
     arms = matter.positions - centre
     # Each point is a cube, so that even one alone has an inertia.
@@ -65,7 +66,7 @@ def rigid_body(matter: Matter, lattice: Lattice) -> RigidBody:
     # The spin of a cube about itself is not seen in its point's velocity: what the points show is kept.
     shown = np.trace(squares) * np.eye(3) - squares
     spin = np.linalg.lstsq(shown, turning, rcond=1e-9)[0]
-    hull, boxes = _shapes(matter, lattice, centre)
+    hull, boxes = _shapes(matter, lattice, margin, centre)
     return RigidBody(
         centre=centre,
         inertia=inertia,
@@ -78,7 +79,7 @@ def rigid_body(matter: Matter, lattice: Lattice) -> RigidBody:
     )
 
 
-def _shapes(matter: Matter, lattice: Lattice, centre: Array) -> tuple[Array, Array]:
+def _shapes(matter: Matter, lattice: Lattice, margin: float, centre: Array) -> tuple[Array, Array]:
     """Hull (H, 3) and boxes (B, 2, 3) about the centre; one of them is empty."""
     occupied = np.zeros(lattice.shape, dtype=bool)
     occupied[tuple(lattice.locate(matter.positions)[0].T)] = True
@@ -89,7 +90,9 @@ def _shapes(matter: Matter, lattice: Lattice, centre: Array) -> tuple[Array, Arr
         # Flat, thin, or too few points.
         hull = None
     if hull is not None and matter.volumes.sum() >= _CONVEX * hull.volume:
-        return matter.positions[hull.vertices] - centre, none[1]
+        signs = 2.0 * CORNERS - 1
+        corners = (matter.positions[hull.vertices][:, None] + margin * signs).reshape(-1, 3)
+        return corners[ConvexHull(corners).vertices] - centre, none[1]
     corners = merged_boxes(occupied)
     low, high = (lattice.lower - centre + side * lattice.sides for side in (corners[:, 0], corners[:, 1]))
     return none[0], np.stack([(low + high) / 2, (high - low) / 2], axis=1)
