@@ -54,7 +54,15 @@ class RigidBody:
 
 
 def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
-    """The rigid body of this matter, whose points stand for what is within `margin` [m] of them along each axis; where it is far from convex, the lattice's cells are its shape."""
+    """The rigid body of this matter.
+
+    Parameters
+    ----------
+    matter
+        Its points stand for what is within `margin` [m] of them along each axis.
+    lattice
+        Its cells are the body's shape where that is far from convex.
+    """
     centre = matter.centre
     arms = matter.positions - centre
     # Each point is a cube, so that even one alone has an inertia.
