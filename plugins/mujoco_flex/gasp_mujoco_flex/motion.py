@@ -108,6 +108,9 @@ class Motion:
         """As nodes: number, turn, centre, velocity and spin at the end, of every rigid body that is held."""
         found: list[tuple[int, Array, Array, Array, Array]] = []
         first = 3 * self._model.nodes
+        if not active and not self._sticky:
+            self._armature[first:] = 0.0
+            return found
         for number, body in enumerate(self._model.bodies):
             turn, centre = self._state.pose(number)
             shown = centre + body.arms[:: max(1, len(body.arms) // _SAMPLE)] @ turn.T
