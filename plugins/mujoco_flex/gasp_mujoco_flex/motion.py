@@ -114,8 +114,8 @@ class Motion:
             bodies = (self._shown(number) for number in range(len(self._model.bodies)))
             if not any(grip.holds(places, self._room).any() for places in (self._places(), *bodies)):
                 self._idle.append(
-                    f"a drive ({type(grip.drive).__name__}) reaches no node and no rigid body as it begins, at {time:.3g} s:"
-                    " give it a region of a cell at least, or one where matter is"
+                    f"a drive ({type(grip.drive).__name__}) reaches no node and no rigid body as it begins,"
+                    f" at {time:.3g} s: give it a region of a cell at least, or one where matter is"
                 )
 
     def _places(self) -> Array:
