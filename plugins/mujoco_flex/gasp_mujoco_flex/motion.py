@@ -62,6 +62,7 @@ class Motion:
             )
             if gentle.any()
         ]
+        self._radii = [float(np.linalg.norm(body.arms, axis=1).max()) for body in model.bodies]
         self._holding = False
         self._idle: list[str] = []
         self._touched = False
@@ -240,6 +241,15 @@ class Motion:
         nodes = np.linalg.norm(self._state.velocities, axis=1)
         bodies = [float(np.linalg.norm(self._state.twist(number)[0])) for number in range(len(self._model.bodies))]
         return max(float(nodes.max(initial=0.0)), *bodies, 0.0)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Corners (3,), (3,) [m] of a box that no point is outside of: that of nodes, and of balls around bodies."""
+        found = [self._places()]
+        for number, radius in enumerate(self._radii):
+            centre = self._state.pose(number)[1]
+            found.append(np.stack([centre - radius, centre + radius]))
+        places = np.concatenate(found)
+        return places.min(axis=0), places.max(axis=0)
 
     def lost(self) -> str:
         """What is no longer finite, in a sentence; nothing where all is."""
