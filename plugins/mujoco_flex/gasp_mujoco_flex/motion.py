@@ -54,6 +54,17 @@ class Motion:
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
         self._tolerance = tolerance
+        self._gentle = [
+            (references, gentle)
+            for references, gentle in (
+                (model.mj.geom_solref, model.gentle_geoms),
+                (model.mj.flex_solref, model.gentle_flexes),
+            )
+            if gentle.any()
+        ]
+        self._radii = [float(np.linalg.norm(body.arms, axis=1).max()) for body in model.bodies]
+        self._holding = False
+        self._idle: list[str] = []
         self._touched = False
         self._begun = False
 
@@ -61,36 +72,66 @@ class Motion:
 
     def step(self, time: float, step: float) -> str:
         """Take one step from `time` [s]; what went wrong, or nothing."""
-        mj, data = self._model.mj, self._state.data
+        mj = self._model.mj
         mj.opt.timestep = step
         mj.opt.tolerance = (_TOUCHING if self._touched else _FREE) * self._tolerance
-        # Stopped within a step, and not pushed back.
-        for references, gentle in (
-            (mj.geom_solref, self._model.gentle_geoms),
-            (mj.flex_solref, self._model.gentle_flexes),
-        ):
+        for references, gentle in self._gentle:
+            # Stopped within a step, and not pushed back.
             references[gentle] = (-1e-12, -1.0 / step)
         self._begun = True
-        active = grips(self._problem.drives, time, step)
-        data.qfrc_applied[:] = 0.0
         self._blow(time, step)
-        nodes = self._grip_nodes(active, step)
+        active = grips(self._problem.drives, time, step)
+        if not active and not self._sticky:
+            # A rigid body's step takes microseconds: nothing is looked at that nothing holds.
+            if self._holding:
+                self._armature[:] = 0.0
+                self._holding = False
+            return self._stepped()
+        self._holding = True
+        self._look_for_idle(active, time)
+        held, ends, velocities = self._grip_nodes(active, step)
         bodies = self._grip_bodies(active, step)
-        try:
-            mujoco.mj_step(mj, data)
-        except mujoco.FatalError as error:
-            return f"MuJoCo gave up: {' '.join(str(error).split())}"
-        self._touched = bool(data.ncon)
-        held, ends, velocities = nodes
+        failure = self._stepped()
         self._state.place(held, ends, velocities)
         for number, turn, centre, velocity, spin in bodies:
             self._state.lay(number, turn, centre)
             self._state.push(number, velocity, spin)
+        return failure
+
+    def _stepped(self) -> str:
+        """Let MuJoCo take the step; what went wrong, or nothing."""
+        try:
+            mujoco.mj_step(self._model.mj, self._state.data)
+        except mujoco.FatalError as error:
+            return f"MuJoCo gave up: {' '.join(str(error).split())}"
+        self._touched = bool(self._state.data.ncon)
         return ""
+
+    def _look_for_idle(self, active: list[Grip], time: float) -> None:
+        """Note which drives begin at `time` [s] and reach nothing: a region may be smaller than what it is to hold."""
+        for grip in active:
+            if max(grip.drive.start, 0.0) != time:
+                continue
+            bodies = (self._shown(number) for number in range(len(self._model.bodies)))
+            if not any(grip.holds(places, self._room).any() for places in (self._places(), *bodies)):
+                self._idle.append(
+                    f"a drive ({type(grip.drive).__name__}) reaches no node and no rigid body as it begins,"
+                    f" at {time:.3g} s: give it a region of a cell at least, or one where matter is"
+                )
+
+    def _places(self) -> Array:
+        """Where nodes are, (M, 3) [m]."""
+        return self._state.rest + self._state.displacements
+
+    def _shown(self, number: int) -> Array:
+        """Where the centre of a rigid body and some of its points are, (K, 3) [m]."""
+        turn, centre = self._state.pose(number)
+        arms = self._model.bodies[number].arms
+        return np.concatenate([centre + arms[:: max(1, len(arms) // _SAMPLE)] @ turn.T, centre[None]])
 
     def _grip_nodes(self, active: list[Grip], step: float) -> tuple[Array, Array, Array]:
         """Make held nodes go where drives take them: which they are, and their places and velocities at the end."""
-        places = self._state.rest + self._state.displacements
+        places = self._places()
         if self._sticky:
             self._stuck |= sticking(self._problem.colliders, places, self._room)
         held, ends, velocities = self._stuck.copy(), places.copy(), np.zeros_like(places)
@@ -108,13 +149,9 @@ class Motion:
         """As nodes: number, turn, centre, velocity and spin at the end, of every rigid body that is held."""
         found: list[tuple[int, Array, Array, Array, Array]] = []
         first = 3 * self._model.nodes
-        if not active and not self._sticky:
-            self._armature[first:] = 0.0
-            return found
-        for number, body in enumerate(self._model.bodies):
+        for number in range(len(self._model.bodies)):
             turn, centre = self._state.pose(number)
-            shown = centre + body.arms[:: max(1, len(body.arms) // _SAMPLE)] @ turn.T
-            shown = np.concatenate([shown, centre[None]])
+            shown = self._shown(number)
             if self._sticky:
                 self._stuck_bodies[number] |= sticking(self._problem.colliders, shown, self._room).any()
             goal = (number, turn, centre, np.zeros(3), np.zeros(3)) if self._stuck_bodies[number] else None
@@ -131,12 +168,13 @@ class Motion:
 
     def _blow(self, time: float, step: float) -> None:
         """Drag towards the air's velocity, dv/dt = k (u - v), as if implicit in v: it never overshoots."""
-        winds = [one for one in self._problem.force_fields if isinstance(one, Wind) and one.start <= time < one.end]
-        if not winds:
+        if not self._problem.force_fields:
             return
         forces = self._state.data.qfrc_applied
+        forces[:] = 0.0
+        winds = [one for one in self._problem.force_fields if isinstance(one, Wind) and one.start <= time < one.end]
         length, count = self._model.units.length, self._model.nodes
-        places, speeds = self._state.rest + self._state.displacements, self._state.velocities
+        places, speeds = self._places(), self._state.velocities
         for wind in winds:
             rate = wind.drag / (1 + step * wind.drag)
             inside = np.ones(count) if wind.region is None else wind.region.signed_distance(places) <= 0
@@ -161,6 +199,9 @@ class Motion:
             struck.append((np.where(inside, part.masses, 0.0), places))
         total = sum(float(masses.sum()) for masses, _ in struck)
         if total == 0.0:
+            self._idle.append(
+                f"an impulse reaches nothing, at {impulse.start:.3g} s: give it a region where matter is at that time"
+            )
             return
         self._begun = True
         change = np.asarray(impulse.impulse) / total
@@ -201,6 +242,15 @@ class Motion:
         bodies = [float(np.linalg.norm(self._state.twist(number)[0])) for number in range(len(self._model.bodies))]
         return max(float(nodes.max(initial=0.0)), *bodies, 0.0)
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Corners (3,), (3,) [m] of a box that no point is outside of: that of nodes, and of balls around bodies."""
+        found = [self._places()]
+        for number, radius in enumerate(self._radii):
+            centre = self._state.pose(number)[1]
+            found.append(np.stack([centre - radius, centre + radius]))
+        places = np.concatenate(found)
+        return places.min(axis=0), places.max(axis=0)
+
     def lost(self) -> str:
         """What is no longer finite, in a sentence; nothing where all is."""
         data = self._state.data
@@ -210,7 +260,7 @@ class Motion:
         return f"{len(bad)} points are no longer finite, first {', '.join(map(str, bad[:5])) or 'none alone'}"
 
     def complaints(self) -> list[str]:
-        """What MuJoCo warned of since the last look, and need not end a run."""
+        """What went on since the last look that need not end a run."""
         warning = self._state.data.warning
         told = {
             mujoco.mjtWarning.mjWARN_INERTIA: "its elastic solve did not converge within its iterations",
@@ -222,6 +272,8 @@ class Motion:
         ]
         for kind in told:
             warning[kind].number = 0
+        found += self._idle
+        self._idle = []
         return found
 
     def positions(self) -> Array:

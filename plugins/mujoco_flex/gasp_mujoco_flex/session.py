@@ -95,8 +95,6 @@ class MujocoSession:
                 landing = min(time, float(later[0])) if len(later) else time
                 while self._time < landing:
                     self._cycle(motion, landing, time, span, steps)
-            if span > 0:
-                self._stop_outside(motion)
         except _StoppedError as stopped:
             status = stopped.status
             warnings.append(stopped.reason)
@@ -139,13 +137,18 @@ class MujocoSession:
             lost = motion.lost()
             if lost:
                 raise _StoppedError(Status.NON_FINITE, f"{lost}, with steps of {step:.3g} s: lower substep_fraction")
+            self._stop_outside(motion)
 
     def _stop_outside(self, motion: Motion) -> None:
         domain = self._problem.domain
         if domain is None or domain.policy is not DomainPolicy.STOP:
             return
+        lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)
+        least, most = motion.bounds()
+        if (least >= lower).all() and (most <= upper).all():
+            return
         positions = motion.positions()
-        outside = np.maximum(np.asarray(domain.lower) - positions, positions - np.asarray(domain.upper)).max(axis=1)
+        outside = np.maximum(lower - positions, positions - upper).max(axis=1)
         worst = int(np.argmax(outside))
         if outside[worst] > 0:
             raise _StoppedError(

@@ -11,6 +11,8 @@ __all__ = ["step_size"]
 _FEWEST, _MOST = 10, 40
 """Steps in what one advance asks for. Frames show what happens in them: fewer would damp what they can show. And where
 sound crosses a cell faster than so many steps can follow, it is what frames cannot show, and may be damped."""
+_FRAME = 0.04
+"""Of time [s]: an advance that is longer is no reason for longer steps, by which all that falls or slides is off."""
 _FLIGHT = 0.5
 """In cells: no node goes further in a step, so that none passes through what is a cell thick."""
 
@@ -38,8 +40,9 @@ def step_size(
     """
     if accuracy.substep is not None:
         return accuracy.substep
+    frame = min(span, _FRAME)
     crossing = accuracy.substep_fraction * side / sound if sound > 0 else math.inf
     way = _FLIGHT * side
     rate = speed + math.sqrt(speed**2 + 4 * acceleration * way) if math.isfinite(way) else 0.0
     flight = 2 * way / rate if rate > 0 else math.inf
-    return min(span / _FEWEST, max(crossing, span / _MOST), flight)
+    return min(frame / _FEWEST, max(crossing, frame / _MOST), flight)
