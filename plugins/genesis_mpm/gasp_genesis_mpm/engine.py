@@ -52,7 +52,8 @@ class GenesisMpm:
     ) -> GenesisSession:
         """Set a problem up, or go on from a checkpoint of it.
 
-        Nothing is drawn at random, there is one device, and no options of its own. Genesis itself is started here.
+        Nothing is drawn at random, there is one device and one precision, and no options of its own. Genesis itself is
+        started here.
 
         Raises
         ------
@@ -65,7 +66,7 @@ class GenesisMpm:
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)
         refuse_buried(problem, spacing)
-        return GenesisSession(problem, precision, spacing, accuracy, restart)
+        return GenesisSession(problem, spacing, accuracy, restart)
 
 
 def refuse_buried(problem: PointProblem, spacing: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem, Precision
+from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Fluid
 from gasp_core.engine.stability import rest_bound
 from gasp_genesis_mpm.motion import Motion, Units
@@ -21,7 +21,7 @@ __all__ = ["Performance"]
 
 Array = NDArray[Any]
 
-_NOTHING = {Precision.FLOAT32: 1e-12, Precision.FLOAT64: 1e-18}
+_NOTHING = 1e-12
 """Of a stable substep: in less than that, nothing moves by more than rounding. Genesis' masses, which grow with the
 inverse square of the substep, would have no number."""
 _VISCOUS_GRAIN = 0.02
@@ -36,7 +36,7 @@ class Performance:
 
     Parameters
     ----------
-    problem, precision
+    problem
         What is simulated.
     spacing
         Of the grid [m].
@@ -51,14 +51,11 @@ class Performance:
     ------
     TooWideError
         Where no grid holds the points.
-    SceneError
-        Where Genesis is busy in another precision.
     """
 
     def __init__(
         self,
         problem: PointProblem,
-        precision: Precision,
         spacing: float,
         origin: Array,
         motion: Motion,
@@ -71,13 +68,13 @@ class Performance:
         self._walls = walls_of(problem.colliders, spacing)
         self._places = np.array([(wall.place - origin) / spacing for wall in self._walls]).reshape(-1, 3)
         bound = min(rest_bound(portion.material, spacing) for portion in self.portions)
-        self._nothing = _NOTHING[precision] * bound
+        self._nothing = _NOTHING * bound
         self.is_made_for_a_step = any(
             isinstance(one.material, Fluid) and one.material.viscosity > 0 for one in self.portions
         )
         self._blueprint: Any = None
         self._stage: Any = None
-        lender.enter(precision)
+        lender.enter()
 
     def play(self, motion: Motion, count: int, step: float) -> Motion:
         """The motion after `count` substeps of `step` [s].

@@ -1,4 +1,4 @@
-"""Genesis is started once a process, in one precision. Its scenes are lent to sessions, and kept for the next.
+"""Genesis is started once a process. Its scenes are lent to sessions, and kept for the next.
 
 Building one costs seconds, even with all kernels in Genesis' cache, and some of its memory is only ever given back by
 starting Genesis anew.
@@ -13,9 +13,6 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from gasp_core.engine.contract import Precision
-from gasp_core.errors import SceneError
-
 __all__ = ["Lender", "lender"]
 
 _KEPT = 8
@@ -29,28 +26,16 @@ class Lender:
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self._precision: Precision | None = None
         self._idle: list[tuple[Any, Any]] = []
         self._sessions = 0
         self._built = 0
+        self._started = False
 
-    def enter(self, precision: Precision) -> None:
-        """A session begins that computes in `precision`.
-
-        Raises
-        ------
-        SceneError
-            Where another one is computing in another precision.
-        """
+    def enter(self) -> None:
+        """A session begins."""
         with self._lock:
-            if self._sessions and self._precision is not precision:
-                assert self._precision is not None
-                raise SceneError(
-                    f"Genesis computes in one precision a process, now in {self._precision.value}: close that session"
-                    f" before one in {precision.value} is opened"
-                )
-            if not self._sessions and (self._precision is not precision or self._built > _BUILT):
-                self._start(precision)
+            if not self._started or (not self._sessions and self._built > _BUILT):
+                self._start()
             self._sessions += 1
 
     def leave(self) -> None:
@@ -85,7 +70,7 @@ class Lender:
         with self._lock, _quiet():
             stage.destroy()
 
-    def _start(self, precision: Precision) -> None:
+    def _start(self) -> None:
         with _quiet():
             import genesis
 
@@ -93,11 +78,11 @@ class Lender:
             genesis.destroy()
             genesis.init(
                 backend=genesis.cpu,
-                precision="64" if precision is Precision.FLOAT64 else "32",
+                precision="32",
                 # What it has to say comes as an exception too.
                 logging_level="critical",
             )
-        self._precision, self._built = precision, 0
+        self._started, self._built = True, 0
 
 
 @contextlib.contextmanager

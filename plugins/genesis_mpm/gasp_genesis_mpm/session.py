@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Precision, Status, StepReport
+from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
 from gasp_core.engine.forcing import DomainPolicy, Impulse
 from gasp_core.engine.lattice import grid_node
 from gasp_core.engine.stability import MotionLimits, event_times, hardening_of, substep_size, substeps_to
@@ -52,7 +52,6 @@ class GenesisSession:
     def __init__(
         self,
         problem: PointProblem,
-        precision: Precision,
         spacing: float,
         accuracy: EngineAccuracy,
         restart: Mapping[str, Array] | None,
@@ -67,7 +66,7 @@ class GenesisSession:
         self._time, self._pace, self._motion = start.time, start.pace, start.motion
         try:
             self._performance: Performance | None = Performance(
-                problem, precision, spacing, self._origin, start.motion, start.window
+                problem, spacing, self._origin, start.motion, start.window
             )
         except TooWideError as error:
             raise SceneError(f"genesis-mpm: {self._too_wide(error)}") from error

@@ -25,6 +25,9 @@ Array = NDArray[Any]
 
 _BOX_CELLS = 96
 """Of the distance field of a box, along its longest side: Genesis knows no box in closed form."""
+_SKIN = 1e-3
+"""Of walls [cells]. Without one, a face that lies on a layer of nodes holds what the rounding of the nodes' distances
+decides, down to nothing: a slab of two cells let matter fall through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +83,7 @@ class Stage:
         rigid = genesis.materials.Rigid(
             needs_coup=True,
             coup_friction=kind.friction,
-            coup_softness=0.0,
+            coup_softness=_SKIN,
             coup_restitution=0.0,
             sdf_cell_size=max(kind.size) / _BOX_CELLS or 1.0,
             sdf_max_res=_BOX_CELLS + 32,

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
-import importlib.util
-
 import pytest
-from gasp_genesis_mpm.engine import GenesisMpm
+
+from gasp_core.engine.contract import PointEngine
+from gasp_core.engine.registry import discover
+from gasp_core.errors import EngineEnvironmentError
 
 
-@pytest.fixture(scope="session")
-def engine() -> GenesisMpm:
-    """The engine itself, where it can run."""
-    if importlib.util.find_spec("genesis") is None:
-        pytest.skip("genesis is not installed here: gasp engines install genesis-mpm")
-    return GenesisMpm()
+@pytest.fixture(scope="module")
+def engine() -> PointEngine:
+    """The engine in its environment, as a user has it; one worker serves a module's sessions in turn."""
+    try:
+        return discover().load("genesis-mpm")
+    except EngineEnvironmentError as error:
+        pytest.skip(str(error))

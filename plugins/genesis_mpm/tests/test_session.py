@@ -9,14 +9,16 @@ import pytest
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy
-from gasp_core.engine.materials import Elastic, Fluid, Material
+from gasp_core.engine.materials import Elastic, Fluid, Material, Sand
+from gasp_core.engine.registry import discover
 from gasp_core.engine.shapes import BoxShape, HalfSpace
-from gasp_core.engine.stability import MotionLimits
 from gasp_core.errors import SceneError
 
 SPACING = 0.1
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 STILL = (0.0, 0.0, 0.0)
+ROUNDING = 30 * float(np.finfo(np.float32).eps)
+"""Of a velocity in a substep, relative: it is a sum over 27 nodes."""
 ALL = frozenset({Field.VELOCITIES, Field.DEFORMATION_GRADIENTS})
 
 
@@ -37,11 +39,11 @@ def thrown(positions, velocity=STILL, volumes=None, material: Material = SOFT, *
     return PointProblem(points=points, materials=(material,), **scene)
 
 
-def opened(engine, problem, precision=Precision.FLOAT64, restart=None, **accuracy):
+def opened(engine, problem, restart=None, **accuracy):
     return engine.open(
         problem,
         device="cpu",
-        precision=precision,
+        precision=Precision.FLOAT32,
         seed=0,
         accuracy=EngineAccuracy(spacing=SPACING, **accuracy),
         restart=restart,
@@ -58,8 +60,7 @@ def test_the_grid_follows_a_flight_that_its_first_place_does_not_reach(engine) -
         last = session.checkpoint()["window"]
     # 70 cells away: far beyond the first grid, which was moved and not made larger.
     assert not np.array_equal(first[0], last[0]) and np.array_equal(first[1], last[1])
-    # Some thirty roundings a substep, of places that are some ten metres away.
-    assert np.abs(end.positions - start - velocity).max() <= 30 * steps * np.finfo(float).eps * 10
+    assert np.abs(end.positions - start - velocity).max() <= ROUNDING * steps * np.linalg.norm(velocity)
 
 
 def test_a_cloud_that_spreads_is_given_a_larger_grid_and_flies_on(engine) -> None:
@@ -72,8 +73,8 @@ def test_a_cloud_that_spreads_is_given_a_larger_grid_and_flies_on(engine) -> Non
         steps = sum(session.advance_to(time).substep_count for time in (0.75, 1.5, 2.0))
         end, last = session.read(ALL), session.checkpoint()["window"]
     assert (last[1] > first[1]).all()
-    away = np.abs(end.positions - start - 2.0 * velocities).max()
-    assert away <= 30 * steps * np.finfo(float).eps * np.abs(end.positions).max()
+    ways = 2.0 * velocities
+    assert np.abs(end.positions - start - ways).max() <= ROUNDING * steps * np.abs(ways).max()
 
 
 def test_a_viscous_fluid_keeps_its_substep_from_frame_to_frame(engine) -> None:
@@ -87,15 +88,15 @@ def test_a_viscous_fluid_keeps_its_substep_from_frame_to_frame(engine) -> None:
 
 def test_a_run_that_blew_up_leaves_nothing_to_the_next(engine) -> None:
     """The same scene of Genesis would serve both."""
-    with opened(engine, thrown(block(1))) as session:
+    sand = thrown(block(1), material=Sand(density=1600.0, youngs_modulus=1e5, poissons_ratio=0.2))
+    with opened(engine, sand) as session:
         session.advance_to(0.01)
-        before = session.read(ALL).positions
-    with opened(engine, thrown(block(1))) as session:
-        session._motion = replace(session._motion, affine_velocities=np.full((8, 3, 3), np.nan))
-        session._limits = lambda: MotionLimits(stress=1e-3, speed=1.0, velocity_gradient=1.0)
-        report = session.advance_to(0.01)
+        before, state = session.read(ALL).positions, session.checkpoint()
+    ill = {**state, "history": np.full(len(before), np.nan)}
+    with opened(engine, sand, restart=ill) as session:
+        report = session.advance_to(0.02)
         assert report.status is Status.NON_FINITE and "\n" not in report.warnings[0]
-    with opened(engine, thrown(block(1))) as session:
+    with opened(engine, sand) as session:
         session.advance_to(0.01)
         assert np.array_equal(session.read(ALL).positions, before)
 
@@ -113,8 +114,7 @@ def test_points_too_far_apart_for_any_grid_are_refused(engine) -> None:
         opened(engine, thrown(np.array([[0.0, 0.0, 0.0], [90.0, -80.0, 100.0], [0.1, 0.0, 0.0]])))
 
 
-@pytest.mark.parametrize("precision", list(Precision))
-def test_every_point_has_its_own_mass_and_its_classes_stiffness(engine, precision: Precision) -> None:
+def test_every_point_has_its_own_mass_and_its_classes_stiffness(engine) -> None:
     """A block of volumes that differ a hundredfold: its centre of mass goes straight, and it rings."""
     start = block()
     volumes = (SPACING / 2) ** 3 * np.exp(np.random.default_rng(0).uniform(-2.3, 2.3, len(start)))
@@ -123,25 +123,16 @@ def test_every_point_has_its_own_mass_and_its_classes_stiffness(engine, precisio
     points = replace(problem.points, initial_velocities=np.array([1.0, 0.5, -0.2]) + 2 * arms * [1.0, -1.0, 0.5])
     problem = replace(problem, points=points)
     masses = problem.masses / problem.masses.sum()
-    with opened(engine, problem, precision) as session:
+    with opened(engine, problem) as session:
         report = session.advance_to(0.1)
         end = session.read(ALL)
     assert report.status is Status.OK
     uniform = masses @ points.reference_positions + 0.1 * (masses @ points.initial_velocities)
-    bound = 30 * (report.substep_count + 1) * (1e-16 if precision is Precision.FLOAT64 else 6e-8)
-    assert np.abs(masses @ end.positions - uniform).max() <= bound
+    # All places and ways are within a metre.
+    assert np.abs(masses @ end.positions - uniform).max() <= ROUNDING * (report.substep_count + 1)
     # It would have flown apart by a fifth otherwise.
     apart = np.linalg.norm(end.positions - start - 0.1 * points.initial_velocities, axis=1)
     assert apart.max() > 0.01 * SPACING
-
-
-def test_one_precision_at_a_time_is_said_before_anything_is_begun(engine) -> None:
-    with opened(engine, thrown(block(1))) as session:
-        with pytest.raises(SceneError, match="one precision a process"):
-            opened(engine, thrown(block(1)), Precision.FLOAT32)
-        assert session.advance_to(0.01).status is Status.OK
-    with opened(engine, thrown(block(1)), Precision.FLOAT32) as session:
-        assert session.advance_to(0.01).status is Status.OK
 
 
 def test_a_box_holds_a_falling_block_on_its_face(engine) -> None:
@@ -155,10 +146,11 @@ def test_a_box_holds_a_falling_block_on_its_face(engine) -> None:
     assert -SPACING < low < SPACING
 
 
-def test_nothing_is_written_where_it_runs(engine, tmp_path, monkeypatch, capfd) -> None:
+def test_nothing_is_written_where_it_runs(engine, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
+    # Another worker, which starts here.
+    anew = discover().load("genesis-mpm")
     floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
-    with opened(engine, thrown(block(1), colliders=(floor,))) as session:
+    with opened(anew, thrown(block(1), colliders=(floor,))) as session:
         session.advance_to(0.01)
     assert not list(tmp_path.iterdir())
-    assert not capfd.readouterr().out
