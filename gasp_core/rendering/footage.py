@@ -96,9 +96,9 @@ class RecordedFootage:
         return self.recording.splats(frame)
 
     def positions(self, frame: int) -> Array:
-        """Means of all Gaussians: first vertices of the moved simplices, and those that never move."""
+        """Of the points that lead Gaussians (their means, where nothing is reduced), and of what never moves."""
         points = self.recording.points(frame)
-        moved = [points[body.points][:: body.block.vertices] for body in self.recording.bodies]
+        moved = [points[body.points][np.unique(body.carrier.leaders)] for body in self.recording.bodies]
         return np.concatenate([self._still, *moved])
 
     @cached_property
