@@ -96,9 +96,8 @@ class RecordedFootage:
         return self.recording.splats(frame)
 
     def positions(self, frame: int) -> Array:
-        """Of the points that lead Gaussians (their means, where nothing is reduced), and of what never moves."""
-        points = self.recording.points(frame)
-        moved = [points[body.points][np.unique(body.carrier.leaders)] for body in self.recording.bodies]
+        """Means of all Gaussians: first vertices of the moved simplices, and those that never move."""
+        moved = [simplices[:, 0] for simplices in self.recording.simplices(frame).values()]
         return np.concatenate([self._still, *moved])
 
     @cached_property
