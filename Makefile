@@ -4,8 +4,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/renderer plugins/viewer conformance_tests
-NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-renderer gasp-viewer gasp-conformance
+OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/mujoco_flex plugins/genesis_mpm plugins/renderer plugins/viewer conformance_tests
+NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-mujoco-flex gasp-genesis-mpm gasp-renderer gasp-viewer gasp-conformance
 # Engines that the suite judges in `make test`, two at a time; ":" stands for a space.
 ORACLE := --oracle:reference-mpm
 QUICK := reference-mpm $(foreach engine,warp-mpm taichi-mpm,$(engine):$(ORACLE) $(engine):$(ORACLE):--precision:float64)

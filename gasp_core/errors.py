@@ -77,7 +77,19 @@ class EngineDivergedError(GaspError):
 
 
 class EngineCrashedError(GaspError):
-    """The process an engine ran in died."""
+    """The process an engine ran in died, hung, or failed in a way that no engine should.
+
+    Parameters
+    ----------
+    message
+        What happened, and where its log is.
+    recording
+        Where the frames up to there are kept; None if nothing was recorded.
+    """
+
+    def __init__(self, message: str, recording: Path | None = None) -> None:
+        super().__init__(message)
+        self.recording = recording
 
 
 class EngineEnvironmentError(GaspError):

@@ -36,7 +36,8 @@ from gasp_core.engine.contract import (
 from gasp_core.engine.detector import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 from gasp_core.engine.options import build_options
 from gasp_core.engine.registry import discover
-from gasp_core.errors import EngineDivergedError, GaspError, SceneError
+from gasp_core.engine.worker.session import Limits
+from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError, SceneError
 from gasp_core.games import FLATNESS, flatten
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
@@ -63,9 +64,18 @@ class _Engine:
     engine: PointEngine | None
     version: str
 
-    def opened(self) -> PointEngine:
-        """The engine itself; its own code is imported here and not before."""
-        return discover().load(self.descriptor.name) if self.engine is None else self.engine
+    def opened(self, choice: EngineChoice) -> PointEngine:
+        """The engine itself; its own code is imported, or its process started, here and not before."""
+        if self.engine is not None:
+            return self.engine
+        if not self.isolated(choice):
+            return discover().load(self.descriptor.name)
+        limits = Limits() if choice.frame_limit is None else Limits(frame=choice.frame_limit)
+        return discover().worker(self.descriptor.name, limits)
+
+    def isolated(self, choice: EngineChoice) -> bool:
+        """Whether it runs in a process of its own."""
+        return choice.isolate or self.descriptor.environment is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +125,7 @@ def simulate(
     resume: bool = False,
     frames: int | None = None,
     overwrite: bool = False,
+    isolate: bool | None = None,
     progress: bool | None = None,
     recorded: Callable[[int], None] | None = None,
 ) -> Recording:
@@ -136,6 +147,8 @@ def simulate(
         Stop once there are so many frames, the one at time 0 included; `resume` goes on from there.
     overwrite
         Replace a recording that is at `out`.
+    isolate
+        Run the engine in a process of its own; None: as the scene says.
     progress
         Show a progress bar and notes on stderr; None: where that is a terminal.
     recorded
@@ -151,11 +164,12 @@ def simulate(
     GaspError
         Before anything is opened: SceneError, SplatFormatError, UnknownEngineError, UnsupportedSceneError,
         RecordingError where something is at `out` already. While it runs: EngineDivergedError where the state is no
-        longer credible; the frames up to the last good one are kept.
+        longer credible, EngineCrashedError where the process of an isolated engine dies; the frames up to the last good
+        one are kept.
     """
     if frames is not None and frames < 1:
         raise SceneError(f"frames must be at least 1, found {frames!r}")
-    scene, chosen = _chosen(scene, engine)
+    scene, chosen = _chosen(scene, engine, isolate)
     options = build_options(chosen.descriptor, scene.engine.options)
     prepared = prepare(scene)
     wanted = scene.frame_count
@@ -244,9 +258,10 @@ class _Run:
                 self._recall(last)
             self._checkpoint_frame = last or -1
             stopped = self._advance(last, opening, end) if last + 1 < end else ""
-        except EngineDivergedError as error:
-            self._end("incomplete", str(error))
-            raise
+        except EngineCrashedError as error:
+            kept = EngineCrashedError(f"{error}; the frames so far are kept in {self._writer.path}", self._writer.path)
+            self._end("incomplete", str(kept))
+            raise kept from error
         except GaspError as error:
             self._end("incomplete", str(error))
             raise
@@ -432,8 +447,12 @@ def _interrupt() -> Generator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def _chosen(scene: Scene, engine: str | tuple[EngineDescriptor, PointEngine] | None) -> tuple[Scene, _Engine]:
+def _chosen(
+    scene: Scene, engine: str | tuple[EngineDescriptor, PointEngine] | None, isolate: bool | None
+) -> tuple[Scene, _Engine]:
     """The engine asked for, and the scene with its name in it; another engine's options are not this one's."""
+    if isolate is not None:
+        scene = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, isolate=isolate))
     if isinstance(engine, tuple):
         descriptor, opened = engine
         chosen = _Engine(descriptor=descriptor, engine=opened, version="")
@@ -443,6 +462,10 @@ def _chosen(scene: Scene, engine: str | tuple[EngineDescriptor, PointEngine] | N
     name = chosen.descriptor.name
     if name != scene.engine.name:
         scene = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, name=name, options={}))
+    if chosen.engine is not None and scene.engine.isolate:
+        raise SceneError(f'engine "{name}" was handed over as it is and cannot be isolated: install it and name it')
+    if scene.engine.frame_limit is not None and not chosen.isolated(scene.engine):
+        raise SceneError("frame_limit under [engine] needs isolate = true: only a process of its own can be given up")
     return scene, chosen
 
 
@@ -576,7 +599,7 @@ def _opened(
 ) -> EngineSession:
     """The engine at the start, or where a checkpoint left it."""
     capabilities = chosen.descriptor.capabilities
-    return chosen.opened().open(
+    return chosen.opened(scene.engine).open(
         assembly.problem,
         device=scene.engine.device or capabilities.devices[0],
         precision=scene.engine.precision or capabilities.precisions[0],

@@ -48,6 +48,7 @@ engine's package; core checks cannot be excused.
     help="Precision to run the engine in.  [default: the first it declares]",
 )
 @click.option("--oracle", metavar="NAME", help="An engine of the same method, to compare it with point by point.")
+@click.option("--isolate", is_flag=True, help="Open every session in a process of its own, as gasp run --isolate does.")
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match; the verdict is then partial.")
 @click.option("--list", "listing", is_flag=True, help="List the checks and run none.")
 @click.pass_context
@@ -58,6 +59,7 @@ def conformance(
     report_file: Path | None,
     precision: str | None,
     oracle: str | None,
+    isolate: bool,
     expression: str | None,
     listing: bool,
 ) -> None:
@@ -78,6 +80,8 @@ def conformance(
         for option, value in (("engine", engine), ("precision", precision), ("oracle", oracle))
         if value is not None
     ]
+    if isolate:
+        options.append("--gasp-isolate")
     if quick:
         options.append("--gasp-quick")
     if expression is not None:

@@ -34,6 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("float32", "float64"),
         help="precision to run the engine in (default: the first it declares)",
     )
+    group.addoption("--gasp-isolate", action="store_true", help="open every session in a process of its own")
     group.addoption("--gasp-quick", action="store_true", help="leave out the checks that take long")
     group.addoption("--gasp-report", metavar="FILE", type=Path, help="write what was found as JSON")
     group.addoption("--gasp-list", action="store_true", help="list the checks and run none")
@@ -57,13 +58,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _find(config: pytest.Config, name: str) -> None:
-    from gasp_conformance.subject import find_subject
+    from gasp_conformance.subject import find_subject, isolated_subject
     from gasp_core.engine.contract import Precision
     from gasp_core.errors import GaspError
 
     precision, oracle = config.getoption("--gasp-precision"), config.getoption("--gasp-oracle")
+    find = isolated_subject if config.getoption("--gasp-isolate") else find_subject
     try:
-        config.stash[_SUBJECT] = find_subject(name, Precision(precision) if precision else None)
+        config.stash[_SUBJECT] = find(name, Precision(precision) if precision else None)
         config.stash[_ORACLE] = find_subject(oracle, None) if oracle else None
     except GaspError as error:
         raise pytest.UsageError(str(error)) from None

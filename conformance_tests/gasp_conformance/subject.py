@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from gasp_core.engine.capabilities import needs, unmet
@@ -22,7 +22,7 @@ from gasp_core.engine.detector import non_finite_rows
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 
-__all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state"]
+__all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state", "isolated_subject"]
 
 
 class Undeclared(UnsupportedSceneError):
@@ -153,7 +153,17 @@ def finite_state(session: EngineSession, fields: frozenset[Field]) -> PointState
 
 
 def find_subject(name: str, precision: Precision | None) -> Subject:
-    """The installed engine of that name, in the asked precision or the engine's own first choice.
+    """The installed engine of that name, in the asked precision or the engine's own first choice; raises as below."""
+    return _subject(name, precision, discover().load)
+
+
+def isolated_subject(name: str, precision: Precision | None) -> Subject:
+    """The same, with every session in a process of its own; raises as below, and EngineEnvironmentError."""
+    return _subject(name, precision, discover().worker)
+
+
+def _subject(name: str, precision: Precision | None, load: Callable[[str], PointEngine]) -> Subject:
+    """An installed engine, once it is known to run in that precision.
 
     Raises
     ------
@@ -162,8 +172,7 @@ def find_subject(name: str, precision: Precision | None) -> Subject:
     UnsupportedSceneError
         Where it does not run in that precision, or declares none, or no device.
     """
-    registry = discover()
-    offer = registry.offer(name)
+    offer = discover().offer(name)
     can = offer.descriptor.capabilities
     offered = can.precisions
     if not offered or not can.devices:
@@ -173,7 +182,7 @@ def find_subject(name: str, precision: Precision | None) -> Subject:
         raise UnsupportedSceneError(f"{name} does not run in {precision.value}; it runs in {known}")
     return Subject(
         descriptor=offer.descriptor,
-        engine=registry.load(name),
+        engine=load(name),
         precision=precision or offered[0],
         distribution=offer.distribution,
     )

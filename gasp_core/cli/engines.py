@@ -1,7 +1,8 @@
-"""``gasp engines``: what is installed, what it can do, and what failed to load and why."""
+"""``gasp engines``: what is installed, what it can do, what failed to load and why; and environments of their own."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -11,23 +12,32 @@ from gasp_core.cli.printing import print_json, print_table
 if TYPE_CHECKING:
     from gasp_core.engine.listing import EngineRow
 
-__all__ = ["engines"]
+__all__ = ["engines", "install", "remove"]
 
 
-@click.command(
+@click.group(
+    invoke_without_command=True,
     epilog="""\b
 Examples:
   gasp engines
   gasp engines --json | jq '.engines[] | select(.status == "ready") | .name'
+  gasp engines install blender
 
 \b
 An engine is a plugin: "pip install" it and it is listed here. One that is
-broken is listed with the reason, and the others go on working.
-"""
+broken is listed with the reason, and the others go on working. One whose
+backend cannot live beside the others has an environment of its own, which
+"gasp engines install" builds.
+""",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print everything each engine declares, as JSON.")
-def engines(as_json: bool) -> None:
+@click.pass_context
+def engines(context: click.Context, as_json: bool) -> None:
     """List the engines: what they can do, and which are broken."""
+    if context.invoked_subcommand is not None:
+        if as_json:
+            raise click.UsageError("--json is of the list alone: leave it out")
+        return
     from gasp_core.engine.listing import engine_rows
     from gasp_core.engine.registry import discover
 
@@ -38,6 +48,37 @@ def engines(as_json: bool) -> None:
         _print_for_people(rows)
     else:
         click.echo("No engine is installed. To get one: pip install gasp-warp-mpm")
+
+
+@engines.command()
+@click.argument("name")
+@click.option(
+    "--python",
+    metavar="PATH",
+    type=click.Path(path_type=Path),
+    help="Interpreter to build it with.  [default: this one if it fits, else one on the PATH or of uv]",
+)
+def install(name: str, python: Path | None) -> None:
+    """Build the environment that an engine runs in.
+
+    NAME is an engine that "gasp engines" lists as "not installed" or "outdated". Its packages are installed into a
+    folder of its own under your data folder, or under GASP_ENVIRONMENTS. Ctrl-C stops it; the same command begins anew.
+    """
+    from gasp_core.engine.registry import discover
+    from gasp_core.engine.worker.installing import install as build
+
+    build(discover().descriptor(name), click.echo, python)
+
+
+@engines.command()
+@click.argument("name")
+def remove(name: str) -> None:
+    """Remove the environment that an engine runs in."""
+    from gasp_core.engine.registry import discover
+    from gasp_core.engine.worker.installing import remove as take_away
+
+    gone = take_away(discover().descriptor(name))
+    click.echo(f"the environment of {name} is removed" if gone else f"{name} has no environment here")
 
 
 def _print_for_people(rows: list[EngineRow]) -> None:

@@ -60,6 +60,7 @@ Examples:
 )
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped, from its last checkpoint.")
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")
+@click.option("--isolate", is_flag=True, help="Run the engine in a process of its own: its crash is an error.")
 @click.option("--overwrite", is_flag=True, help="Replace a run that is there already.")
 @click.option(
     "--render",
@@ -77,6 +78,7 @@ def run(
     out: Path | None,
     resume: bool,
     frames: int | None,
+    isolate: bool,
     overwrite: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
@@ -93,6 +95,8 @@ def run(
 
     folder = out if out is not None else Path(scene.stem + ".gasp")
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
+    if isolate:
+        command.append("--isolate")
     if out is not None:
         command += ["--out", str(out)]
     for path in films:
@@ -107,6 +111,7 @@ def run(
                 resume=resume,
                 frames=frames,
                 overwrite=overwrite,
+                isolate=isolate or None,
                 progress=False if as_json else None,
                 recorded=recorded,
             )

@@ -375,7 +375,17 @@ class EngineCapabilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineEnvironment:
-    """An environment of an engine's own: what to install, and under which Python."""
+    """An environment of an engine's own: what to install, and under which Python.
+
+    The plugin's own package and GASP's contract are lent to it and not installed there.
+
+    Parameters
+    ----------
+    python
+        A version, "3.11" for any 3.11, or a range, ">=3.11,<3.14"; 3.11 is the oldest the contract runs under.
+    packages
+        As pip takes them: "bpy==4.5.15", "numpy<2".
+    """
 
     python: str
     packages: tuple[str, ...]
@@ -400,7 +410,8 @@ class EngineDescriptor:
     options
         A dataclass of what only this engine has, with defaults that work; None for nothing.
     environment
-        What the engine needs where its dependencies cannot live in this environment.
+        What the engine needs where its dependencies cannot live in this environment: it is then run in a process of
+        that one.
     """
 
     name: str

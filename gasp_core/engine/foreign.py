@@ -11,7 +11,7 @@ from typing import cast
 from gasp_core.engine.availability import missing_requirements
 from gasp_core.errors import GaspError, PluginLoadError
 
-__all__ = ["contained", "how_to_mend", "import_factory", "one_line", "quietly"]
+__all__ = ["attribute_at", "contained", "how_to_mend", "import_factory", "one_line", "quietly"]
 
 
 def contained(call: Callable[[], object]) -> object:
@@ -54,6 +54,15 @@ def how_to_mend(distribution: str) -> str:
     return f"update it: pip install --upgrade --force-reinstall {distribution}"
 
 
+def attribute_at(address: str) -> Callable[[], object]:
+    """Import "package.module:attribute" and return what is there, taken to be a function of nothing."""
+    module_name, _, attribute = address.partition(":")
+    target: object = importlib.import_module(module_name)
+    for name in attribute.split("."):
+        target = getattr(target, name)
+    return cast("Callable[[], object]", target)
+
+
 def import_factory(factory: str, what: str, distribution: str) -> Callable[[], object]:
     """Import "package.module:attribute" on behalf of `what`.
 
@@ -62,16 +71,8 @@ def import_factory(factory: str, what: str, distribution: str) -> Callable[[], o
     PluginLoadError
         Where that fails: says what is missing and what to install.
     """
-    module_name, _, attribute = factory.partition(":")
-
-    def load() -> object:
-        target: object = importlib.import_module(module_name)
-        for name in attribute.split("."):
-            target = getattr(target, name)
-        return target
-
     try:
-        target = contained(load)
+        target = contained(lambda: attribute_at(factory))
     except Exception as error:
         remedy = how_to_mend(distribution)
         raise PluginLoadError(f"{what} ({factory}) cannot be loaded: {one_line(error)}; {remedy}") from error

@@ -9,6 +9,7 @@ from gasp_core.engine.availability import missing_factory, missing_requirements
 from gasp_core.engine.contract import EngineCapabilities, EngineDescriptor
 from gasp_core.engine.foreign import how_to_mend
 from gasp_core.engine.registry import EngineOffer, Registry
+from gasp_core.engine.worker.environments import environment_fault, folder_of, state_of
 
 __all__ = ["EngineRow", "engine_rows"]
 
@@ -22,8 +23,8 @@ class EngineRow:
     name
         Of the engine; of the plugin where it failed as a whole.
     status
-        "ready", "missing backend" (a package it needs is not installed), "duplicate" (its name is offered twice) or
-        "failed".
+        "ready", "missing backend" (a package it needs is not installed), "not installed" or "outdated" (its own
+        environment), "duplicate" (its name is offered twice) or "failed".
     distribution
         That brings it.
     descriptor
@@ -51,6 +52,7 @@ class EngineRow:
                 "summary": self.descriptor.summary,
                 "contract_version": list(self.descriptor.contract_version),
                 "options": list(self.descriptor.option_names()),
+                "environment": _environment(self.descriptor),
                 **_capabilities(self.descriptor.capabilities),
             }
         return row
@@ -84,9 +86,18 @@ def _row(registry: Registry, name: str, offer: EngineOffer) -> EngineRow:
     elif missing:
         status = "missing backend"
         error = f"needs {', '.join(missing)}, which is not installed: {how_to_mend(offer.distribution)}"
+    elif offer.descriptor.environment is not None:
+        status, error = state_of(offer.descriptor).value, environment_fault(offer.descriptor)
     return EngineRow(
         name=name, status=status, distribution=offer.distribution, descriptor=offer.descriptor, error=error
     )
+
+
+def _environment(descriptor: EngineDescriptor) -> dict[str, Any] | None:
+    own = descriptor.environment
+    if own is None:
+        return None
+    return {"python": own.python, "packages": list(own.packages), "folder": str(folder_of(descriptor))}
 
 
 def _capabilities(can: EngineCapabilities) -> dict[str, Any]:

@@ -224,6 +224,10 @@ class EngineChoice:
         For whatever the engine draws at random.
     options
         What only this engine has; checked against its own option class when it is opened.
+    isolate
+        Run it in a process of its own, whose death is an error and not the end of this one.
+    frame_limit
+        Wall time [s] after which a frame is given up; None: an hour. Only an engine in a process of its own can be.
     """
 
     name: str = "warp-mpm"
@@ -231,6 +235,8 @@ class EngineChoice:
     precision: Precision | None = None
     seed: int = 0
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    isolate: bool = False
+    frame_limit: float | None = None
 
     def __post_init__(self) -> None:
         if self.name == "auto":
@@ -238,6 +244,8 @@ class EngineChoice:
         if not self.name:
             raise SceneError("EngineChoice.name must not be empty")
         finite(self, "seed", low=0)
+        if self.frame_limit is not None:
+            finite(self, "frame_limit", low=0.0, open_low=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

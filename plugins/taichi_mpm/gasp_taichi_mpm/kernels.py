@@ -245,5 +245,5 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         strain=strain,
         settle=settle,
         permute=permute,
-        survey=make_survey(Positions, Points, Ints, Doubles),
+        survey=make_survey(real, Positions, Points, Ints, Doubles),
     )

@@ -8,7 +8,7 @@ from gasp_mpm_host import layout as at
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
 from gasp_taichi_mpm.runtime import taichi as ti
-from gasp_taichi_mpm.transfers import make_overwrite
+from gasp_taichi_mpm.transfers import cell_of, has_drifted, make_overwrite
 
 __all__ = ["make_move", "make_strain"]
 
@@ -121,12 +121,10 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                 if held == 1:
                     ti.atomic_add(report[words.CLAMPED], 1)
             x[p] = place
-            # Written so that NaN fails it: a point that is nowhere must not be scattered either.
-            near = True
+            drift = cell_of(place)
             for d in ti.static(range(3)):
-                drift = place[d] - 0.5 - ti.cast(labels[p * at.LABEL_WIDTH + at.HOME + d], ti.f64)
-                near = near and drift >= -1.0 and drift < 2.0
-            if not near:
+                drift[d] -= labels[p * at.LABEL_WIDTH + at.HOME + d]
+            if has_drifted(drift):
                 report[words.DRIFTED] = 1
 
     return move_point

@@ -12,8 +12,24 @@ from gasp_taichi_mpm.runtime import taichi as ti
 __all__ = ["make_survey"]
 
 
-def make_survey(Positions: Any, Points: Any, Ints: Any, Doubles: Any) -> Callable[..., None]:
-    """The kernel, for arrays of these types."""
+def make_boundless(real: Any) -> Callable[..., Any]:
+    """Taichi function: whether a `real` number is infinite or none at all: whether its exponent has all its bits set.
+
+    Comparisons would be compiled away, because the compiler is told that there are no such numbers.
+    """
+    bits, below, ones = (ti.i64, 52, 2**11 - 1) if real == ti.f64 else (ti.i32, 23, 2**8 - 1)
+
+    @ti.func
+    def boundless(number):
+        return ((ti.bit_cast(number, bits) >> below) & ones) == ones
+
+    return boundless
+
+
+def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any) -> Callable[..., None]:
+    """The kernel, for points of `real` numbers and arrays of these types."""
+    boundless, boundless_place = make_boundless(real), make_boundless(ti.f64)
+    watched = [words.VELOCITY, *(words.AFFINE + c for c in range(3)), *(words.DEFORMATION + c for c in range(3))]
 
     @ti.kernel
     def survey(x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, result: Doubles):
@@ -32,9 +48,12 @@ def make_survey(Positions: Any, Points: Any, Ints: Any, Doubles: Any) -> Callabl
                 F = ti.cast(columns(points, r + words.DEFORMATION), ti.f64)
                 history = ti.cast(points[r + words.HISTORY][3], ti.f64)
                 place = x[p]
-                # x - x is 0 but for infinities and NaN, and a sum of zeros is 0 but for any NaN among them.
-                residue = (v - v).sum() + (C - C).sum() + (F - F).sum() + (history - history) + (place - place).sum()
-                if not (residue == 0.0):  # noqa: SIM201 - NaN is neither equal nor unequal
+                lost = boundless(points[r + words.HISTORY][3])
+                for d in ti.static(range(3)):
+                    lost = lost or boundless_place(place[d])
+                    for row in ti.static(watched):
+                        lost = lost or boundless(points[r + row][d])
+                if lost:
                     bad += 1
                 else:
                     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH

@@ -6,7 +6,7 @@ only where there are tracers.
 
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
-from gasp_taichi_mpm.transfers import stencil, weights
+from gasp_taichi_mpm.transfers import cell_of, has_drifted, stencil, weights
 
 __all__ = ["carry"]
 
@@ -36,12 +36,12 @@ def carry(
     # One that nothing moves may stay outside the walls.
     if total[3] > 0 and (total[0] != 0 or total[1] != 0 or total[2] != 0):
         place = tracers[p] + (batch[words.STEP] / total[3]) * ti.Vector([total[0], total[1], total[2]])
-        near = True
-        for d in ti.static(range(3)):
-            if control[words.CLAMP] == 1:
+        if control[words.CLAMP] == 1:
+            for d in ti.static(range(3)):
                 place[d] = ti.min(ti.max(place[d], batch[words.WALL_LOW + d]), batch[words.WALL_HIGH + d])
-            drift = place[d] - 0.5 - ti.cast(homes[3 * p + d], ti.f64)
-            near = near and drift >= -1.0 and drift < 2.0
         tracers[p] = place
-        if not near:
+        drift = cell_of(place)
+        for d in ti.static(range(3)):
+            drift[d] -= homes[3 * p + d]
+        if has_drifted(drift):
             report[words.DRIFTED] = 1

@@ -66,11 +66,30 @@ def make_overwrite(real: Any) -> Callable[..., None]:
 
 
 @ti.func
+def cell_of(place):
+    """Base cell of the stencil around a place."""
+    return ti.cast(ti.floor(place - 0.5), ti.i32)
+
+
+@ti.func
+def has_drifted(cells):
+    """Whether a point so many cells from home may reach nodes beyond its tile's.
+
+    Of whole numbers, because the compiler is told that there is no NaN. One has some cell all the same, the same as in
+    `stencil`: either it counts as drifted, or what it touches is there.
+    """
+    far = False
+    for d in ti.static(range(3)):
+        far = far or cells[d] < -1 or cells[d] > 1
+    return far
+
+
+@ti.func
 def stencil(x: ti.template(), control: ti.template(), p):
     """Offset in the base cell, the linear index of the stencil's first node, and an index step along x and y."""
     place = x[p]
     base = ti.floor(place - 0.5)
-    cell = ti.cast(base, ti.i32)
+    cell = cell_of(place)
     sy = control[words.SHAPE + 2]
     sx = control[words.SHAPE + 1] * sy
     first = (

@@ -1,4 +1,4 @@
-"""What happens at the nodes, block by block of 4^3 of them: emptied, divided by mass, acted upon."""
+"""What happens at the nodes: emptied, divided by mass, acted upon. A thread of the CPU takes a block of 4^3 of them."""
 
 # No `from __future__ import annotations`: Warp reads the types themselves.
 from functools import cache
@@ -12,14 +12,14 @@ from gasp_warp_mpm.contact import constrain
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of
 
-__all__ = ["make_blocks"]
+__all__ = ["BLOCK_NODES", "make_blocks"]
 
-_BLOCK_NODES = 64
+BLOCK_NODES = 64
 
 
 @cache
 def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
-    """Functions clear_block, divide_block, settle_block, update_block; parameters as `make_kernels`."""
+    """Functions clear_node, divide_node, update_node, and the like for blocks; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec2, vec4 = types.vec2, types.vec4
@@ -44,31 +44,39 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
         return (node[0] * s.shape[1] + node[1]) * s.shape[2] + node[2]
 
     @wp.func
+    def clear_node(s: Tables, corner: wp.vec3i, n: int):
+        row = row_of(s, node_of(corner, n))
+        s.grid[row] = vec4()
+        if averaged:
+            s.means[row] = vec2()
+
+    @wp.func
     def clear_block(s: Tables, q: int):
         corner = block_corner(s, q)
-        for n in range(_BLOCK_NODES):
-            row = row_of(s, node_of(corner, n))
-            s.grid[row] = vec4()
-            if averaged:
-                s.means[row] = vec2()
+        for n in range(BLOCK_NODES):
+            clear_node(s, corner, n)
+
+    @wp.func
+    def divide_node(s: Tables, corner: wp.vec3i, n: int):
+        """Sums over volumes to means."""
+        row = row_of(s, node_of(corner, n))
+        total = s.means[row]
+        mean = real(0.0)
+        if total[1] > least_mass:
+            mean = total[0] / total[1]
+        s.means[row] = vec2(mean, total[1])
 
     @wp.func
     def divide_block(s: Tables, q: int):
-        """Sums over volumes to means, at the nodes of one block."""
         corner = block_corner(s, q)
-        for n in range(_BLOCK_NODES):
-            row = row_of(s, node_of(corner, n))
-            total = s.means[row]
-            mean = real(0.0)
-            if total[1] > least_mass:
-                mean = total[0] / total[1]
-            s.means[row] = vec2(mean, total[1])
+        for n in range(BLOCK_NODES):
+            divide_node(s, corner, n)
 
     @wp.func
     def settle_block(s: Tables, q: int):
         """Momentum to velocity and nothing else, at the nodes of one block."""
         corner = block_corner(s, q)
-        for n in range(_BLOCK_NODES):
+        for n in range(BLOCK_NODES):
             row = row_of(s, node_of(corner, n))
             g = s.grid[row]
             v = vec4()
@@ -77,26 +85,34 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
             s.grid[row] = v
 
     @wp.func
+    def update_node(s: Tables, acting: Acting, drive_set: int, corner: wp.vec3i, n: int):
+        """Momentum to velocity, then whatever acts on it."""
+        node = node_of(corner, n)
+        row = row_of(s, node)
+        g = s.grid[row]
+        v = vec4()
+        if g[3] > least_mass:
+            velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
+            u, held = constrain(acting, velocity, wp.vec3d(s.lower + node), drive_set)
+            v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
+            if held == 1:
+                s.report[CLAMPED] = 1
+        s.grid[row] = v
+        if s.tracer_count > 0:
+            presence = wp.min(g[3] / full_presence, one)
+            s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
+
+    @wp.func
     def update_block(s: Tables, acting: Acting, drive_set: int, q: int):
-        """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
         corner = block_corner(s, q)
-        for n in range(_BLOCK_NODES):
-            node = node_of(corner, n)
-            row = row_of(s, node)
-            g = s.grid[row]
-            v = vec4()
-            if g[3] > least_mass:
-                velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
-                u, held = constrain(acting, velocity, wp.vec3d(s.lower + node), drive_set)
-                v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
-                if held == 1:
-                    s.report[CLAMPED] = 1
-            s.grid[row] = v
-            if s.tracer_count > 0:
-                presence = wp.min(g[3] / full_presence, one)
-                s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
+        for n in range(BLOCK_NODES):
+            update_node(s, acting, drive_set, corner, n)
 
     return SimpleNamespace(
+        block_corner=block_corner,
+        clear_node=clear_node,
+        divide_node=divide_node,
+        update_node=update_node,
         clear_block=clear_block,
         divide_block=divide_block,
         settle_block=settle_block,

@@ -21,9 +21,11 @@ from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.mpm import averaged_lame
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.barrier import BARRIER_WIDTH
+from gasp_warp_mpm.blocks import BLOCK_NODES
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
-from gasp_warp_mpm.tables import CLAMPED, DRIFTED, REPORT_WIDTH, STEPS_DONE, Acting
+from gasp_warp_mpm.pool import LANES
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
 
 __all__ = ["Cloud"]
 
@@ -123,6 +125,11 @@ class Cloud:
 
     def _launch(self, kernel: Any, size: int, *inputs: Any) -> None:
         wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device)
+
+    def _launch_tiles(self, kernel: Any) -> None:
+        lanes = 1 if self._device.is_cpu else LANES
+        tiles = len(self._tables.tiles) // 2
+        wp.launch(kernel, dim=lanes * tiles, inputs=[self._tables, lanes], device=self._device, block_dim=lanes)
 
     def _command(self, kernel: Any, size: int, *inputs: Any) -> Any:
         return wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device, record_cmd=True)
@@ -224,15 +231,18 @@ class Cloud:
 
     def _scatter(self) -> None:
         """Mass and momentum of the points on an empty grid."""
-        kernels, blocks = self._kernels, self._tables.active_count
-        if not self._atomic:
-            self._launch(kernels.scatter_in_order, 1, self._meeting)
-            return
-        self._launch(kernels.clear, blocks)
+        if self._atomic:
+            self._scatter_by_phase()
+        else:
+            self._launch(self._kernels.scatter_in_order, 1, self._meeting)
+
+    def _scatter_by_phase(self) -> None:
+        phases, nodes = self._kernels.phases, BLOCK_NODES * self._tables.active_count
+        self._launch(phases.clear, nodes)
         if self._averaged:
-            self._launch(kernels.average, self._count)
-            self._launch(kernels.divide, blocks)
-        self._launch(kernels.scatter_point, self._count)
+            self._launch_tiles(phases.average)
+            self._launch(phases.divide, nodes)
+        self._launch_tiles(phases.scatter)
 
     def set_walls(self, lower: Array, upper: Array) -> None:
         """Hold points and nodes within a box [m] from now on."""
@@ -268,7 +278,9 @@ class Cloud:
         How many were done, whether a point drifted (it must be sorted before the next), whether the domain's edge
         held a node or a point back.
         """
-        self._tables.report.zero_()
+        report = np.zeros(REPORT_WIDTH, dtype=np.int32)
+        report[NEXT_STEP] = first
+        self._tables.report.assign(report)
         if self._atomic:
             self._steps_by_phase(first, end)
         else:
@@ -291,12 +303,18 @@ class Cloud:
             other.result()
 
     def _steps_by_phase(self, first: int, end: int) -> None:
-        for step in range(first, end):
-            self._scatter()
-            self._launch(self._kernels.update, self._tables.active_count, self._acting, step)
-            self._launch(self._kernels.move, self._count, self._acting)
-            self._launch(self._kernels.carry, self._tables.tracer_count, self._acting)
-            self._launch(self._kernels.finish, 1)
+        phases, tables = self._kernels.phases, self._tables
+        with runtime.capture(self._device) as capture:
+            self._scatter_by_phase()
+            self._launch(phases.update, BLOCK_NODES * tables.active_count, self._acting)
+            self._launch(phases.move, self._count, self._acting)
+            if tables.tracer_count > 0:
+                self._launch(phases.carry, tables.tracer_count, self._acting)
+            self._launch(phases.finish, 1)
+        # Kept until the next one: a GPU may still be at it when this returns.
+        self._step = capture.graph
+        for _ in range(first, end):
+            wp.capture_launch(self._step)
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

@@ -20,8 +20,9 @@ from gasp_warp_mpm.barrier import take_next, wait_for_all
 from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.native import GROUP, make_native
+from gasp_warp_mpm.phases import make_phases
 from gasp_warp_mpm.survey import make_survey
-from gasp_warp_mpm.tables import CLAMPED, DRIFTED, HALTED, STEPS_DONE, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, tables_of
 from gasp_warp_mpm.tracers import make_tracers
 from gasp_warp_mpm.transfers import make_transfers
 
@@ -69,6 +70,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     stress_of = make_response(double, kinds, advance=False)
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
     zero = real(0.0)
+    no_pool, no_corner = wp.uint64(0), wp.vec3i()
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
     kind_names = "_".join(sorted(kind.replace("-", "_") for kind in kinds))
@@ -184,7 +186,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
             spread(s, begin, end)
         else:
             for p in range(begin, end):
-                scatter(s, p)
+                scatter(s, p, no_pool, no_corner)
 
     # ---- in threads: each takes a share of every phase and waits for the others -------------------------------------
 
@@ -217,7 +219,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         q = s.colours[colour] + take_next(meeting, 1)
         while q < s.colours[colour + 1]:
             for p in range(s.tiles[2 * q], s.tiles[2 * q + 1]):
-                scatter_dilation(s, p)
+                scatter_dilation(s, p, no_pool, no_corner)
             q = s.colours[colour] + take_next(meeting, 1)
 
     @wp.func
@@ -285,59 +287,6 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
             """Points to an empty grid, in the calling thread."""
             scatter_tiles(s, 1, meeting, wp.uint64(0))
 
-    # ---- phase by phase ---------------------------------------------------------------------------------------------
-
-    if atomic:
-
-        @wp.kernel(module=module, enable_backward=False)
-        def clear(s: Tables):
-            """Empty an active block."""
-            if s.report[HALTED] == 0:
-                clear_block(s, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def average(s: Tables):
-            """A point's dilation to the grid."""
-            if s.report[HALTED] == 0:
-                scatter_dilation(s, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def divide(s: Tables):
-            """Sums of dilations to means, an active block."""
-            if s.report[HALTED] == 0:
-                divide_block(s, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def scatter_point(s: Tables):
-            """A point to the grid."""
-            if s.report[HALTED] == 0:
-                scatter(s, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def update(s: Tables, acting: Acting, drive_set: int):
-            """What acts on an active block."""
-            if s.report[HALTED] == 0:
-                update_block(s, acting, drive_set, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def move(s: Tables, acting: Acting):
-            """Grid to a point."""
-            if s.report[HALTED] == 0:
-                move_point(s, acting, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def carry(s: Tables, acting: Acting):
-            """Carry a tracer."""
-            if s.report[HALTED] == 0:
-                carry_one(s, acting, wp.tid())
-
-        @wp.kernel(module=module, enable_backward=False)
-        def finish(s: Tables):
-            """Count the step, in one thread; the host looks only when a whole batch has been launched."""
-            if s.report[HALTED] == 0:
-                s.report[STEPS_DONE] = s.report[STEPS_DONE] + 1
-                s.report[HALTED] = s.report[DRIFTED]
-
     @wp.kernel(module=module, enable_backward=False)
     def settle_nodes(s: Tables):
         """Momentum to velocity, an active block."""
@@ -393,9 +342,9 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         survey=make_survey(double, module),
     )
     if atomic:
-        kernels.clear, kernels.average, kernels.divide = clear, average, divide
-        kernels.finish = finish
-        kernels.scatter_point, kernels.update, kernels.move, kernels.carry = scatter_point, update, move, carry
+        kernels.phases = make_phases(
+            module, double, averaged, transfers=transfers, blocks=blocks, move_point=move_point, carry_one=carry_one
+        )
     else:
         kernels.steps, kernels.scatter_in_order = steps, scatter_in_order
     return kernels

@@ -15,7 +15,7 @@ import warp
 
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
-__all__ = ["device_for", "load", "yield_address"]
+__all__ = ["capture", "device_for", "load", "yield_address"]
 
 _lock = threading.RLock()
 
@@ -80,6 +80,16 @@ def load(module: Any, device: Any) -> None:
     """Compile a module of kernels for a device, or take it from Warp's cache on disk."""
     with _quiet():
         warp.load_module(module, device=device)
+
+
+@contextlib.contextmanager
+def capture(device: Any) -> Iterator[Any]:
+    """Record launches, which then are not carried out, as a graph to replay.
+
+    One at a time: on the CPU Warp has one recording for the whole process.
+    """
+    with _lock, warp.ScopedCapture(device, force_module_load=False) as recording:
+        yield recording
 
 
 def yield_address() -> int:

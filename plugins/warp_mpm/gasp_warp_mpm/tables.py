@@ -11,7 +11,7 @@ import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
 
-__all__ = ["CLAMPED", "DRIFTED", "HALTED", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
+__all__ = ["CLAMPED", "DRIFTED", "HALTED", "NEXT_STEP", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
 
 # The report of some steps.
 DRIFTED = 0
@@ -19,7 +19,9 @@ CLAMPED = 1
 STEPS_DONE = 2
 HALTED = 3
 """Set after the step in which a point drifted: what is launched from then on does nothing."""
-REPORT_WIDTH = 4
+NEXT_STEP = 4
+"""Number of the batch's step to come, for kernels that are launched with the same arguments at every step."""
+REPORT_WIDTH = 5
 
 
 @wp.struct

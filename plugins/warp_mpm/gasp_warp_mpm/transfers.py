@@ -16,6 +16,7 @@ from gasp_mpm_host import layout as at
 from gasp_core.engine.mpm import GRADIENT_SHARE
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.native import make_native
+from gasp_warp_mpm.pool import make_pool
 from gasp_warp_mpm.tables import tables_of
 
 __all__ = ["make_transfers"]
@@ -30,6 +31,9 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
     collect = make_native(double, averaged).collect
+    pooled = make_pool(double)
+    add_to_pool, add_pair_to_pool = pooled.add_to_pool, pooled.add_pair_to_pool
+    place_in_pool = pooled.place_in_pool
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     half, three_halves = real(0.5), real(1.5)
     half_cell = wp.float64(0.5)
@@ -81,6 +85,29 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     # ---- transfers --------------------------------------------------------------------------------------------------
 
     @wp.func
+    def give(s: Tables, pool: wp.uint64, node: int, part: vec4):
+        """Add to a node: of the pool, or, where no two threads write the same nodes, of the grid."""
+        if atomic:
+            add_to_pool(pool, node, part)
+        else:
+            s.grid[node] = s.grid[node] + part
+
+    @wp.func
+    def give_mean(s: Tables, pool: wp.uint64, node: int, part: vec2):
+        """As `give`, of dilation and volume."""
+        if atomic:
+            add_pair_to_pool(pool, node, part)
+        else:
+            s.means[node] = s.means[node] + part
+
+    @wp.func
+    def nodes_of(s: Tables, p: int, corner: wp.vec3i, first: int, sx: int, sy: int):
+        """Where a point gives: the first node of its stencil and the strides along x and y."""
+        if atomic:
+            first, sx, sy = place_in_pool(s, p, corner), 64, 8
+        return first, sx, sy
+
+    @wp.func
     def stencil(s: Tables, p: int):
         """Offset in the base cell, the linear index of the stencil's first node, and the strides along x and y."""
         place = s.x[p]
@@ -117,12 +144,13 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return w
 
     @wp.func
-    def scatter_dilation(s: Tables, p: int):
+    def scatter_dilation(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
         """Give the nodes a point's dilation times the root of its stiffness, weighed by its volume."""
         row = material_row(s, p)
         stiffness = real(s.materials[row + at.MEAN_STIFFNESS])
         if stiffness > zero:
-            offset, first, sx, sy = stencil(s, p)
+            offset, on_grid, grid_x, grid_y = stencil(s, p)
+            first, sx, sy = nodes_of(s, p, corner, on_grid, grid_x, grid_y)
             w = weights(offset)
             o = p * at.POINT_WIDTH
             volume = s.points[o + at.MASS] * real(s.materials[row + at.LIGHTNESS])
@@ -132,10 +160,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
                     part = (w[i, 0] * w[j, 1]) * given
                     line = first + i * sx + j * sy
                     for k in range(3):
-                        if atomic:
-                            wp.atomic_add(s.means, line + k, w[k, 2] * part)
-                        else:
-                            s.means[line + k] = s.means[line + k] + w[k, 2] * part
+                        give_mean(s, pool, line + k, w[k, 2] * part)
 
     @wp.func
     def mean_pressure(s: Tables, p: int, w: mat33, first: int, sx: int, sy: int):
@@ -158,9 +183,9 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return pressure
 
     @wp.func
-    def scatter(s: Tables, p: int):
+    def scatter(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
         """A point's mass and momentum to the 27 nodes around it."""
-        offset, first, sx, sy = stencil(s, p)
+        offset, on_grid, grid_x, grid_y = stencil(s, p)
         w = weights(offset)
         d = slopes(offset)
         o = p * at.POINT_WIDTH
@@ -169,7 +194,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         diagonal = row3(s.points, t)
         shear = row3(s.points, t + 3)
         if averaged:
-            diagonal = diagonal + vec3(mean_pressure(s, p, w, first, sx, sy))
+            diagonal = diagonal + vec3(mean_pressure(s, p, w, on_grid, grid_x, grid_y))
         S = real(s.step) * mat33(
             diagonal[0], shear[0], shear[1], shear[0], diagonal[1], shear[2], shear[1], shear[2], diagonal[2]
         )
@@ -183,6 +208,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         px = vec4(S[0, 0], S[1, 0], S[2, 0], zero)
         py = vec4(S[0, 1], S[1, 1], S[2, 1], zero)
         pz = vec4(S[0, 2], S[1, 2], S[2, 2], zero)
+        first, sx, sy = nodes_of(s, p, corner, on_grid, grid_x, grid_y)
         for i in range(3):
             wi = w[i, 0] * m
             bi = wi * (start + along[i] * ax) + d[i, 0] * px
@@ -196,11 +222,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
                 pzij = w[j, 1] * pzi
                 line = first + i * sx + j * sy
                 for k in range(3):
-                    part = w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij
-                    if atomic:
-                        wp.atomic_add(s.grid, line + k, part)
-                    else:
-                        s.grid[line + k] = s.grid[line + k] + part
+                    give(s, pool, line + k, w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij)
 
     @wp.func
     def gather(s: Tables, p: int):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -147,6 +149,43 @@ class SessionTests:
             report = session.advance_to(0.02)
             assert report.status is Status.NON_FINITE
             assert f"first {row}" in report.warnings[0]
+
+    @pytest.mark.parametrize("precision", ["float32", "float64"])
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_whatever_is_not_finite_is_seen(self, kit, value, precision):
+        """Each number of a point that the next step reads, alone."""
+        watched = [
+            *range(at.VELOCITY, at.VELOCITY + 3),
+            *range(at.AFFINE, at.AFFINE + 9),
+            *range(at.DEFORMATION, at.DEFORMATION + 9),
+            at.HISTORY,
+        ]
+        with kit.open(falling(kit), spacing=0.1, precision=precision) as session:
+            cloud = session._cloud
+            for place in [*watched, "x", "y", "z"]:
+                rows = copy.deepcopy(kit.rows(session))
+                if isinstance(place, int):
+                    rows.points[100, place] = value
+                else:
+                    rows.cells[100, "xyz".index(place)] = value
+                sound = copy.deepcopy(kit.rows(session))
+                cloud._load(rows)
+                assert not cloud.survey().finite, place
+                cloud._load(sound)
+                assert cloud.survey().finite
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_a_point_that_is_nowhere_is_not_scattered(self, kit, value):
+        """It would write beyond the grid."""
+        with kit.open(falling(kit), spacing=0.1) as session:
+            session.advance_to(0.01)
+            rows = kit.rows(session)
+            rows.points[100, at.VELOCITY] = value
+            session._cloud._load(rows)
+            session._cloud.begin_batch(1e-4, np.zeros(3), *nothing_acts(20))
+            done, drifted, _ = session._cloud.steps(0, 20)
+            assert drifted
+            assert done == 1
 
     def test_nan_in_mid_batch_neither_crashes_nor_passes(self, kit):
         """What is not finite in a stress reaches the grid with it, and every point near it within a step."""

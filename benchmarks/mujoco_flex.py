@@ -1,0 +1,172 @@
+"""What the engine mujoco-flex costs, and how true it is: embedded points, a cantilever, contact, rigid statues.
+
+GASP_DATA=... python benchmarks/mujoco_flex.py [--points 1000000]
+"""
+
+import argparse
+import math
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+from gasp_mujoco_flex.engine import MujocoFlex
+from gasp_mujoco_flex.plugin import MujocoOptions
+
+import gasp_core as gasp
+from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
+from gasp_core.engine.forcing import Collider, Pinned
+from gasp_core.engine.materials import Elastic, Rigid
+from gasp_core.engine.shapes import HalfSpace
+from gasp_core.simulation import prepare
+
+DATA = Path(os.environ.get("GASP_DATA", "../shared/data"))
+FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
+MOVING = frozenset({Field.POSITIONS, Field.VELOCITIES})
+
+
+def problem_of(places, volume, material, **scene):
+    count = len(places)
+    cloud = PointCloud(
+        reference_positions=places,
+        initial_velocities=np.zeros((count, 3)),
+        reference_volumes=np.full(count, volume),
+        material_ids=np.zeros(count),
+        body_ids=np.zeros(count),
+    )
+    return PointProblem(points=cloud, materials=(material,), **scene)
+
+
+def lattice(counts, distance, corner=(0.0, 0.0, 0.0)):
+    axes = [(np.arange(count) + 0.5) * distance for count in counts]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) + corner
+
+
+def milliseconds(work, repeats=15):
+    work()
+    taken = []
+    begun = time.process_time()
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        taken.append(1e3 * (time.perf_counter() - start))
+    cpu = 1e3 * (time.process_time() - begun) / repeats
+    return f"{np.median(taken):.1f} ms (best {min(taken):.1f}), {cpu:.1f} ms of all processors"
+
+
+def embedded_points(count):
+    places = np.random.default_rng(0).random((count, 3)) + [0, 0, 0.5]
+    soft = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
+    start = time.perf_counter()
+    with MujocoFlex().open(problem_of(places, 1 / count, soft), options=MujocoOptions(cells=8)) as session:
+        print(f"{count:,} points in 8 cells a side, opened in {time.perf_counter() - start:.1f} s")
+        session.advance_to(0.01)
+        print("  positions               ", milliseconds(lambda: session.read(frozenset())))
+        print("  positions and velocities", milliseconds(lambda: session.read(MOVING)))
+
+
+def cantilever(ratio, cells):
+    """Tip under its own weight over Timoshenko's, of a beam 1 x 0.2 x 0.2."""
+    side, modulus, density = 0.2 / cells, 1e6, 100
+    beam = Elastic(density=density, youngs_modulus=modulus, poissons_ratio=ratio)
+    pin = Pinned(region=HalfSpace(point=(0, 0, 0), normal=(1, 0, 0)))
+    gravity = 0.5
+    places = lattice((10 * cells, 2 * cells, 2 * cells), side / 2)
+    scene = problem_of(places, (side / 2) ** 3, beam, drives=(pin,), gravity=(0, 0, -gravity))
+    with MujocoFlex().open(
+        scene, accuracy=EngineAccuracy(spacing=side), options=MujocoOptions(damping=0.05)
+    ) as session:
+        for moment in np.linspace(0, 4, 41)[1:]:
+            session.advance_to(float(moment))
+        moved = places - session.read(frozenset()).positions
+    x = places[:, 0]
+    tip = x == x.max()
+    place = float(x.max())
+    load, area, inertia = density * gravity * 0.04, 0.04, 0.2**4 / 12
+    bending = load * place**2 * (6 - 4 * place + place**2) / (24 * modulus * inertia)
+    shear = load * (place - place**2 / 2) / (5 / 6 * modulus / (2 * (1 + ratio)) * area)
+    print(f"  nu {ratio}, {5 * cells} x {cells} x {cells} cells: {moved[tip, 2].mean() / (bending + shear):.3f}")
+
+
+def drop(elements):
+    soft = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
+    places = lattice((12, 12, 12), 0.04, (0, 0, 0.5))
+    scene = problem_of(places, 0.04**3, soft, colliders=(FLOOR,))
+    deepest = step = spent = 0.0
+    steps = 0
+    with MujocoFlex().open(
+        scene, accuracy=EngineAccuracy(spacing=0.08), options=MujocoOptions(elements=elements)
+    ) as session:
+        for frame in range(1, 38):
+            start = time.perf_counter()
+            report = session.advance_to(frame / 25)
+            spent += time.perf_counter() - start
+            steps += report.substep_count
+            step = max(step, report.largest_substep)
+            deepest = max(deepest, -float(session.read(frozenset()).positions[:, 2].min() - 0.02))
+    fallen = math.sqrt(2 * 9.81 * 0.5) * step
+    print(
+        f"  {elements}: worst penetration {1e3 * deepest:.1f} mm, v dt + 1 mm = {1e3 * fallen + 1:.1f} mm;"
+        f" {1e3 * spent / steps:.2f} ms a step"
+    )
+
+
+def statue(name):
+    thing = gasp.SplatObject(
+        name=name,
+        splat=DATA / "splats" / f"{name}.sog",
+        height=0.3,
+        position=(0, 0, 0.3),
+        rotation=(25, 10, 0),
+        angular_velocity=(0, 2, 0),
+        material=Rigid(density=2000),
+        floaters=gasp.Floaters("drop"),
+        vertices=3,
+    )
+    scene = gasp.Scene(duration=1.0, frame_rate=25, objects=(thing,), colliders=(FLOOR,))
+    assembly = prepare(scene).assembly
+    points = assembly.problem.points
+    start = time.perf_counter()
+    with MujocoFlex().open(assembly.problem, accuracy=EngineAccuracy(spacing=assembly.spacing)) as session:
+        opened, spent, steps, heights = time.perf_counter() - start, 0.0, 0, []
+        for frame in range(1, 51):
+            start = time.perf_counter()
+            steps += session.advance_to(frame / 25).substep_count
+            spent += time.perf_counter() - start
+            state = session.read(MOVING)
+            heights.append(float(state.positions[:, 2].min()))
+        a = points.reference_positions - points.reference_positions.mean(axis=0)
+        b = state.positions - state.positions.mean(axis=0)
+        u, _, vt = np.linalg.svd(a.T @ b)
+        turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
+        off = float(np.abs(a @ turn - b).max())
+    degrees = math.degrees(math.acos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    rest = float(np.linalg.norm(state.velocities, axis=1).max())
+    print(
+        f"  {name}: {len(points):,} points, opened in {opened:.1f} s, {1e3 * spent / steps:.3f} ms a step;"
+        f" lowest point {1e3 * min(heights):+.1f} mm, {1e3 * heights[-1]:+.1f} mm at the end;"
+        f" turned {degrees:.0f} degrees, {rest:.3f} m/s left; {off:.1e} m from rigid"
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--points", type=int, default=1_000_000)
+    arguments = parser.parse_args()
+    embedded_points(arguments.points)
+    print("cantilever 1 x 0.2 x 0.2, tip / theory")
+    for ratio in (0.0, 0.3, 0.49):
+        cantilever(ratio, 4)
+    print("a cube of 0.48 m dropped from 0.5 m")
+    for elements in ("hexahedra", "tetrahedra"):
+        drop(elements)
+    if DATA.is_dir():
+        print("rigid statues")
+        for name in ("skull", "statue-angel"):
+            statue(name)
+    else:
+        print(f"no data at {DATA}: set GASP_DATA for the statues")
+
+
+if __name__ == "__main__":
+    main()

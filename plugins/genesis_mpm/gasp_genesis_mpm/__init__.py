@@ -1,0 +1,1 @@
+"""Genesis' material point method as an engine of points."""

@@ -1,0 +1,99 @@
+"""A session's state as arrays by name, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.materials import Sand
+from gasp_core.errors import SceneError
+from gasp_genesis_mpm.motion import Motion
+from gasp_genesis_mpm.seeding import seeded_affine_velocities
+from gasp_genesis_mpm.window import Window
+
+__all__ = ["Start", "restored", "stored"]
+
+Array = NDArray[Any]
+
+_MOTION = ("cells", "velocities", "affine_velocities", "deformations", "history")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Where a session begins.
+
+    Parameters
+    ----------
+    time
+        [s]
+    pace
+        The substep of before [s]; infinite where there was none.
+    motion
+        Of the points.
+    window
+        The place of the grid; None for any.
+    """
+
+    time: float
+    pace: float
+    motion: Motion
+    window: Window | None
+
+
+def stored(time: float, pace: float, motion: Motion, window: Window, origin: Array, spacing: float) -> dict[str, Array]:
+    """Arrays from which a session goes on as if nothing had happened."""
+    arrays = {name: getattr(motion, name).copy() for name in _MOTION}
+    grid = np.array([window.shift, window.half])
+    frame = np.array([*origin, spacing])
+    return {"time": np.array(time), "pace": np.array(pace), "frame": frame, "window": grid, **arrays}
+
+
+def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin: Array, spacing: float) -> Start:
+    """The beginning of a problem, or where a checkpoint of it was made.
+
+    Raises
+    ------
+    SceneError
+        Where the checkpoint is of another problem.
+    """
+    if restart is None:
+        return Start(time=0.0, pace=math.inf, motion=_beginning(problem, origin, spacing), window=None)
+    count = len(problem.points)
+    shapes = {"cells": (count, 3), "velocities": (count, 3), "history": (count,)}
+    shapes |= {"affine_velocities": (count, 3, 3), "deformations": (count, 3, 3)}
+    for name, shape in {"time": (), "pace": (), "frame": (4,), "window": (2, 3), **shapes}.items():
+        found = np.shape(restart[name]) if name in restart else "nothing"
+        if found != shape:
+            raise SceneError(
+                f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
+                " start the run anew"
+            )
+    if not np.array_equal(restart["frame"], [*origin, spacing]):
+        raise SceneError(
+            "the checkpoint was written for another scene or grid spacing: resume with the scene and accuracy the run"
+            " was started with"
+        )
+    shift, half = ((int(x), int(y), int(z)) for x, y, z in restart["window"])
+    motion = Motion(**{name: np.array(restart[name], dtype=np.float64) for name in _MOTION})
+    window = Window(shift=shift, half=half)
+    return Start(time=float(restart["time"]), pace=float(restart["pace"]), motion=motion, window=window)
+
+
+def _beginning(problem: PointProblem, origin: Array, spacing: float) -> Motion:
+    points = problem.points
+    cells = (points.reference_positions - origin) / spacing
+    loose = np.array([isinstance(material, Sand) for material in problem.materials])
+    return Motion(
+        cells=cells,
+        velocities=points.initial_velocities.copy(),
+        affine_velocities=seeded_affine_velocities(cells, problem.masses, points.initial_velocities) / spacing,
+        deformations=np.tile(np.eye(3), (len(points), 1, 1)),
+        # Sand remembers a logarithm, everything else a ratio.
+        history=np.where(loose[points.material_ids], 0.0, 1.0),
+    )

@@ -1,0 +1,88 @@
+"""The engine: opens sessions."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.engine.forcing import Side
+from gasp_core.engine.stability import refuse_unstable_substep
+from gasp_core.errors import EngineEnvironmentError, SceneError
+from gasp_genesis_mpm.laws import refuse_unknown
+from gasp_genesis_mpm.session import GenesisSession
+
+__all__ = ["GenesisMpm"]
+
+Array = NDArray[Any]
+
+_DEPTH = 0.5
+"""In cells: how far inside a collider a point may start. Walls act at nodes, and nodes are felt no finer."""
+
+
+class GenesisMpm:
+    """Genesis' material point method; see `gasp_core.engine.contract.PointEngine`.
+
+    Raises
+    ------
+    EngineEnvironmentError
+        Where Genesis is not installed.
+    """
+
+    def __init__(self) -> None:
+        if importlib.util.find_spec("genesis") is None:
+            raise EngineEnvironmentError(
+                "genesis-mpm needs Genesis, which is not installed here: gasp engines install genesis-mpm"
+            )
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        device: str,
+        precision: Precision,
+        seed: int,
+        accuracy: EngineAccuracy,
+        options: Any = None,
+        restart: Mapping[str, Array] | None = None,
+    ) -> GenesisSession:
+        """Set a problem up, or go on from a checkpoint of it.
+
+        Nothing is drawn at random, there is one device, and no options of its own. Genesis itself is started here.
+
+        Raises
+        ------
+        SceneError
+            Where a fixed substep is above the stable bound, a material has what Genesis does not know, points start
+            inside a collider or are too far apart for one grid, or the checkpoint is of another problem.
+        """
+        for index in np.unique(problem.points.material_ids):
+            refuse_unknown(problem.materials[index])
+        spacing = accuracy.spacing_for(problem.points)
+        refuse_unstable_substep(problem, spacing, accuracy)
+        refuse_buried(problem, spacing)
+        return GenesisSession(problem, precision, spacing, accuracy, restart)
+
+
+def refuse_buried(problem: PointProblem, spacing: float) -> None:
+    """Refuse points that start inside a collider: Genesis would keep them there.
+
+    Raises
+    ------
+    SceneError
+        Naming the deepest point and the collider.
+    """
+    for number, collider in enumerate(problem.colliders, start=1):
+        depth = -collider.shape.signed_distance(problem.points.reference_positions)
+        if collider.side is Side.INSIDE:
+            depth = -depth
+        deepest = int(np.argmax(depth))
+        if depth[deepest] > _DEPTH * spacing:
+            raise SceneError(
+                f"point {deepest} starts {depth[deepest]:.3g} m inside collider {number} ({collider.shape.kind}):"
+                " move the object or the collider"
+            )

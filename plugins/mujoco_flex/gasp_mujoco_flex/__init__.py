@@ -1,0 +1,1 @@
+"""Soft and rigid bodies in MuJoCo."""

@@ -1,0 +1,129 @@
+"""A soft body's cage: the cells that hold its matter, their nodes, and what the nodes and cells are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from gasp_mujoco_flex.elements import CORNERS
+from gasp_mujoco_flex.embedding import Embedding
+from gasp_mujoco_flex.lattice import Lattice
+from gasp_mujoco_flex.matter import Matter, affine_fit
+
+__all__ = ["Cage", "cage_of"]
+
+Array = NDArray[Any]
+
+_TETRAHEDRA = np.array([[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]])
+"""Kuhn's six, around the diagonal from corner 0 to corner 7: neighbouring cells meet in the same triangles."""
+_THINNEST = 0.05
+"""Share of a cell's stiffness that is left to it, however little of it is filled: less would be no body but a dust."""
+_UNSEEN = 1e-6
+"""Weight, over that of the points, by which nodes that hardly any point tells about follow the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cage:
+    """Cells and nodes.
+
+    Parameters
+    ----------
+    lattice
+        What they are cells of.
+    cells : (C, 3)
+        Of the lattice.
+    corners : (C, 8)
+        Their nodes, in the order of `CORNERS`.
+    nodes : (M, 3)
+        Of the lattice, counted from its first corner.
+    fractions : (C,)
+        How much of each cell is matter, above 0, at most 1.
+    materials : (C,)
+        What most of each cell is made of.
+    masses : (M,) [kg]
+    velocities : (M, 3) [m/s]
+        At the start.
+    matter
+        What is embedded.
+    embedding
+        Of all of it.
+    """
+
+    lattice: Lattice
+    cells: Array
+    corners: Array
+    nodes: Array
+    fractions: Array
+    materials: Array
+    masses: Array
+    velocities: Array
+    matter: Matter
+    embedding: Embedding
+
+    @property
+    def positions(self) -> Array:
+        """Of the nodes at the start, (M, 3) [m]."""
+        return self.lattice.lower + self.nodes * self.lattice.sides
+
+    @property
+    def tetrahedra(self) -> Array:
+        """Six a cell, as nodes (6 C, 4), of positive volume."""
+        return self.corners[:, _TETRAHEDRA].reshape(-1, 4)
+
+
+def cage_of(matter: Matter, lattice: Lattice) -> Cage:
+    """The cage of the cells of a lattice that hold matter."""
+    located, places = lattice.locate(matter.positions)
+    keys = np.ravel_multi_index(tuple(located.T), lattice.shape)
+    found, own = np.unique(keys, return_inverse=True)
+    cells = np.stack(np.unravel_index(found, lattice.shape), axis=1)
+    full = np.array(lattice.shape) + 1
+    at_corners = np.ravel_multi_index(tuple(np.moveaxis(cells[:, None] + CORNERS, -1, 0)), tuple(full))
+    node_keys, corners = np.unique(at_corners, return_inverse=True)
+    corners = corners.reshape(-1, 8)
+    embedding = Embedding(
+        corners=corners.astype(np.int32), cells=own.reshape(-1).astype(np.int32), places=places, nodes=len(node_keys)
+    )
+    weights = embedding.weights()
+    masses = np.asarray(weights.T @ matter.masses)
+    nodes = np.stack(np.unravel_index(node_keys, tuple(full)), axis=1)
+    positions = lattice.lower + nodes * lattice.sides
+    volumes = np.bincount(own, weights=matter.volumes)
+    amounts = np.zeros((len(cells), int(matter.materials.max()) + 1))
+    np.add.at(amounts, (own, matter.materials), matter.volumes)
+    return Cage(
+        lattice=lattice,
+        cells=cells,
+        corners=corners,
+        nodes=nodes,
+        fractions=np.clip(volumes / lattice.sides.prod(), _THINNEST, 1.0),
+        materials=np.argmax(amounts, axis=1),
+        masses=masses,
+        velocities=_nodal_velocities(matter, weights, masses, positions),
+        matter=matter,
+        embedding=embedding,
+    )
+
+
+def _nodal_velocities(matter: Matter, weights: sparse.csr_array, masses: Array, positions: Array) -> Array:
+    """Velocities (M, 3) [m/s] of nodes, at (M, 3) [m], that come nearest to those of the matter.
+
+    Least squares, weighted by mass: then momentum is exact. What is affine is taken first and without a loss.
+    """
+    centre, mean, gradient = affine_fit(matter.positions, matter.velocities, matter.masses)
+    affine = mean + (positions - centre) @ gradient
+    missing = matter.velocities - mean - (matter.positions - centre) @ gradient
+    speed = float(np.abs(matter.velocities).max())
+    if not np.abs(missing).max() > 1e-12 * speed:
+        return affine
+    # A node in which no point has a weight is told about by nothing else.
+    ridge = _UNSEEN * np.maximum(masses, _UNSEEN * masses.mean())
+    normal = weights.T @ sparse.diags_array(matter.masses) @ weights + sparse.diags_array(ridge)
+    found = splu(sparse.csc_array(normal)).solve(np.asarray(weights.T @ (matter.masses[:, None] * missing)))
+    # What following the others took from the momentum; an affine fit leaves none of it.
+    return affine + found - masses @ found / masses.sum()

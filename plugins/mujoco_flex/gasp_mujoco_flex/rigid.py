@@ -1,0 +1,128 @@
+"""A rigid body: its mass and inertia, and the convex shapes by which it touches others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from gasp_mujoco_flex.elements import CORNERS
+from gasp_mujoco_flex.lattice import Lattice
+from gasp_mujoco_flex.matter import Matter
+
+__all__ = ["RigidBody", "merged_boxes", "rigid_body"]
+
+Array = NDArray[Any]
+
+_CONVEX = 0.8
+"""Share of its hull that a body's matter fills, from which on the hull stands for it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigidBody:
+    """Six numbers, and what belongs to them.
+
+    Parameters
+    ----------
+    centre : (3,) [m]
+        Of mass.
+    inertia : (3, 3) [kg m^2]
+        About it.
+    velocity, spin : (3,) [m/s], [rad/s]
+        At the start: those of the rigid motion with the same momenta.
+    hull : (H, 3) [m]
+        Corners of its convex hull about the centre; none where boxes stand for it.
+    boxes : (B, 2, 3) [m]
+        Middle about the centre, and half sides, of boxes that fill it; none where it is as good as convex.
+    matter
+        What it is made of.
+    arms : (G, 3) [m]
+        Of the given points, about the centre.
+    """
+
+    centre: Array
+    inertia: Array
+    velocity: Array
+    spin: Array
+    hull: Array
+    boxes: Array
+    matter: Matter
+    arms: Array
+
+
+def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
+    """The rigid body of this matter.
+
+    Parameters
+    ----------
+    matter
+        Its points stand for what is within `margin` [m] of them along each axis.
+    lattice
+        Its cells are the body's shape where that is far from convex.
+    """
+    centre = matter.centre
+    arms = matter.positions - centre
+    # Each point is a cube, so that even one alone has an inertia.
+    cubes = matter.masses @ np.cbrt(matter.volumes) ** 2 / 6
+    squares = np.einsum("n,ni,nj->ij", matter.masses, arms, arms)
+    inertia = (np.trace(squares) + cubes) * np.eye(3) - squares
+    velocity = matter.masses @ matter.velocities / matter.mass
+    turning = np.einsum("n,ni->i", matter.masses, np.cross(arms, matter.velocities - velocity))
+    # The spin of a cube about itself is not seen in its point's velocity: what the points show is kept.
+    shown = np.trace(squares) * np.eye(3) - squares
+    spin = np.linalg.lstsq(shown, turning, rcond=1e-9)[0]
+    hull, boxes = _shapes(matter, lattice, margin, centre)
+    return RigidBody(
+        centre=centre,
+        inertia=inertia,
+        velocity=velocity,
+        spin=spin,
+        hull=hull,
+        boxes=boxes,
+        matter=matter,
+        arms=np.ascontiguousarray(arms[: len(matter.rows)]),
+    )
+
+
+def _shapes(matter: Matter, lattice: Lattice, margin: float, centre: Array) -> tuple[Array, Array]:
+    """Hull (H, 3) and boxes (B, 2, 3) about the centre; one of them is empty."""
+    occupied = np.zeros(lattice.shape, dtype=bool)
+    occupied[tuple(lattice.locate(matter.positions)[0].T)] = True
+    none = np.zeros((0, 3)), np.zeros((0, 2, 3))
+    try:
+        hull = ConvexHull(matter.positions)
+    except (QhullError, ValueError):
+        # Flat, thin, or too few points.
+        hull = None
+    if hull is not None and matter.volumes.sum() >= _CONVEX * hull.volume:
+        signs = 2.0 * CORNERS - 1
+        corners = (matter.positions[hull.vertices][:, None] + margin * signs).reshape(-1, 3)
+        return corners[ConvexHull(corners).vertices] - centre, none[1]
+    corners = merged_boxes(occupied)
+    low, high = (lattice.lower - centre + side * lattice.sides for side in (corners[:, 0], corners[:, 1]))
+    return none[0], np.stack([(low + high) / 2, (high - low) / 2], axis=1)
+
+
+def merged_boxes(occupied: Array) -> Array:
+    """Boxes (B, 2, 3) of cells, first and one beyond the last, that fill the occupied cells (I, J, K) once each.
+
+    Greedily: from the first cell that is left, as far as it goes along z, then y, then x.
+    """
+    left = occupied.copy()
+    boxes: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
+    while left.any():
+        x, y, z = (int(index) for index in np.unravel_index(int(np.argmax(left)), left.shape))
+        end_z = z + _run(left[x, y, z:])
+        end_y = y + _run(left[x, y:, z:end_z].all(axis=1))
+        end_x = x + _run(left[x:, y:end_y, z:end_z].all(axis=(1, 2)))
+        left[x:end_x, y:end_y, z:end_z] = False
+        boxes.append(((x, y, z), (end_x, end_y, end_z)))
+    return np.array(boxes).reshape(-1, 2, 3)
+
+
+def _run(flags: Array) -> int:
+    """How many are true before the first that is not."""
+    return int(np.argmin(flags)) if not flags.all() else len(flags)

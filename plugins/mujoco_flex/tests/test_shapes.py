@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gasp_mujoco_flex.lattice import enclosed, lattice_around, node_count, point_distance
+from gasp_mujoco_flex.obstacles import HOLLOW_DIRECTIONS
+from gasp_mujoco_flex.rigid import merged_boxes
+
+from gasp_core.errors import SceneError
+
+
+def sphere(count: int = 20_000) -> np.ndarray:
+    places = np.random.default_rng(0).normal(size=(count, 3))
+    return places / np.linalg.norm(places, axis=1, keepdims=True)
+
+
+def test_a_hollow_ball_is_filled_and_its_outside_is_not():
+    shell = sphere()
+    lattice = lattice_around(shell, 0.0, 0.1)
+    occupied = np.zeros(lattice.shape, dtype=bool)
+    occupied[tuple(lattice.locate(shell)[0].T)] = True
+    middles = lattice.lower + (np.argwhere(enclosed(occupied)) + 0.5) * lattice.sides
+    distances = np.linalg.norm(middles, axis=1)
+    assert distances.max() < 1.0
+    # What is deeper than a cell's diagonal is inside, and no cell of the shell.
+    diagonal = float(np.linalg.norm(lattice.sides))
+    inside = 4 / 3 * np.pi * (1 - diagonal) ** 3
+    assert len(middles) * lattice.sides.prod() > inside
+
+
+def test_a_bowl_that_stood_on_a_table_is_filled_and_a_tube_is_not():
+    cells = np.ones((6, 6, 6), dtype=bool)
+    cells[1:5, 1:5, :5] = False
+    assert enclosed(cells).sum() == 4 * 4 * 5
+    cells[1:5, 1:5, :] = False
+    assert not enclosed(cells).any()
+
+
+def test_points_at_one_place_count_once():
+    places = np.repeat(np.random.default_rng(2).random((50, 3)), 3, axis=0)
+    assert point_distance(places, np.full(150, 1 / 150)) == pytest.approx(np.cbrt(1 / 50), rel=1e-12)
+
+
+def test_nodes_are_those_of_occupied_cells():
+    lattice = lattice_around(np.array([[0.0, 0, 0], [1.0, 1, 1]]), 0.0, 0.5)
+    two = np.array([[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]])
+    assert node_count(lattice, two, filled=False) == 15
+
+
+def test_a_cloud_too_wide_is_refused():
+    with pytest.raises(SceneError, match="too far for cells"):
+        lattice_around(np.array([[0.0, 0, 0], [100.0, 100, 100]]), 0.0, 0.01)
+
+
+def test_merged_boxes_fill_cells_once():
+    occupied = np.random.default_rng(3).random((5, 6, 7)) < 0.6
+    filled = np.zeros(occupied.shape, dtype=int)
+    for low, high in merged_boxes(occupied):
+        filled[tuple(slice(a, b) for a, b in zip(low, high))] += 1
+    assert np.array_equal(filled, occupied.astype(int))
+
+
+def test_tangent_planes_lie_close_to_the_ball():
+    # They are pi / 8 apart along two great circles, so no direction is further than sqrt(2) pi / 16 from one of them.
+    nearest = (sphere(5000) @ HOLLOW_DIRECTIONS.T).max(axis=1)
+    assert 1 / nearest.min() <= 1 / np.cos(np.sqrt(2) * np.pi / 16)
