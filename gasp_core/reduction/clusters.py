@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gasp_core.engine.threads import processors
 from gasp_core.reduction.occupancy import occupied_cells
@@ -61,7 +60,8 @@ def scatter(positions: Array, labels: Array, weights: Array) -> tuple[Array, Arr
 
 def _fewer(positions: Array, count: int) -> Array:
     """Labels of at most `count` clusters, and not many fewer where a few fits of BIRCH find such."""
-    # sklearn takes a second to import.
+    # Each takes long to import.
+    from scipy.spatial import KDTree
     from sklearn.cluster import Birch
 
     birch: Any = Birch

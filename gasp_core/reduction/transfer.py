@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gasp_core import jacobi
 from gasp_core.engine.threads import processors
@@ -196,6 +195,8 @@ class LeastSquares:
 
 def _neighbourhoods(centres: Array, means: Array) -> tuple[Array, Array]:
     """Nearest cores (N, K), nearest first, and their weights (N, K)."""
+    from scipy.spatial import KDTree
+
     count = min(NEIGHBOURS, len(centres))
     # One more than are used: its distance is where weights come to zero, so that no core comes or goes with a jerk.
     asked = min(count + 1, len(centres))
