@@ -531,6 +531,7 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name)
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
+    notes += [f'object "{body.name}": {note}' for body in assembly.bodies if (note := body.carrier.sentence())]
     return Header(
         gasp_version=_version("gasp-core"),
         scene=scene_to_toml(scene),
@@ -555,7 +556,11 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
         ),
         bodies=tuple(
             BodyEntry(
-                item=rows[body.name], vertices=body.block.vertices, first=body.points.start, last=body.points.stop
+                item=rows[body.name],
+                vertices=body.block.vertices,
+                first=body.points.start,
+                last=body.points.stop,
+                carrier=body.carrier.kind,
             )
             for body in assembly.bodies
         ),
@@ -612,7 +617,7 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
         reference=_drawn(prepared.objects),
         moving=np.concatenate([placed.moving for placed in prepared.objects]),
         points=prepared.assembly.problem.points.reference_positions,
-        factors=[body.factors for body in prepared.assembly.bodies],
+        carriers=[body.carrier.arrays() for body in prepared.assembly.bodies],
         frames_wanted=scene.frame_count,
         velocities=scene.recording.velocities,
         overwrite=overwrite,

@@ -8,7 +8,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest |
 | ``reference/moving`` | (N,) bool, which Gaussians are simulated |
 | ``reference/points`` | (P, 3) float64, the engine's points at the start, edges magnified [m] |
-| ``bodies/<i>/magnification`` | (N_i, V_i - 1) factors of the edges |
+| ``bodies/<i>/...`` | how the body's points carry its Gaussians, arrays of a `gasp_core.reduction.carrier.Carrier` |
 | ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
 | ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
@@ -45,7 +45,8 @@ __all__ = [
 ]
 
 FORMAT = "gasp-recording"
-VERSION = 1
+VERSION = 2
+"""1: a body has no `carrier`, it is "all"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,12 +80,13 @@ class ObjectEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyEntry:
-    """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points."""
+    """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points, carrier."""
 
     item: int
     vertices: int
     first: int
     last: int
+    carrier: str = "all"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
-from gasp_core.games import to_simplices
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
 from gasp_core.recording.lock import locked
-from gasp_core.reduction.all_vertices import block_of
-from gasp_core.reduction.assembly import Body, matter_turns, moved_gaussians, moved_simplices
+from gasp_core.reduction.all_vertices import Vertices, block_of
+from gasp_core.reduction.assembly import Body, matter_turns, moved_gaussians, moved_simplices, shapes
+from gasp_core.reduction.carrier import Carrier
+from gasp_core.reduction.cores import Levels
 from gasp_core.scene.loading import read_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.placement import Placement
@@ -177,10 +178,23 @@ class Recording:
                     rows=rows,
                     points=slice(entry.first, entry.last),
                     block=block_of(self.reference.select(rows), vertices),
-                    factors=self._array(f"bodies/{index}/magnification"),
+                    carrier=self._carrier(index, entry.carrier),
                 )
             )
         return tuple(found)
+
+    def _carrier(self, index: int, kind: str) -> Carrier:
+        if kind == Vertices.kind:
+            return Vertices(factors=self._array(f"bodies/{index}/magnification"))
+        if kind != Levels.kind:
+            raise RecordingError(f'{self.path}: carries body {index} by "{kind}", this GASP knows no such: update GASP')
+        try:
+            names = [
+                name for name, node in self._store[f"bodies/{index}"].members(max_depth=None) if hasattr(node, "dtype")
+            ]
+            return Levels.of({name: self._array(f"bodies/{index}/{name}") for name in names})
+        except (KeyError, TypeError) as error:
+            raise RecordingError(f"{self.path}: bodies/{index} is damaged ({_short(error)})") from None
 
     def commit(self, frame: int) -> Commit:
         """The commit of a frame.
@@ -281,16 +295,11 @@ class Recording:
         quaternions, scales = local.quaternions.astype(np.float64), local.scales.astype(np.float64)
         for last in np.unique(lost[:, 1]):
             rows = lost[lost[:, 1] == last, 0]
-            chosen = local.select(rows)
-            block = dataclasses.replace(
-                body.block, local=chosen, rest=to_simplices(chosen, 4 if body.block.vertices == 4 else 3)
-            )
-            part = dataclasses.replace(body, rows=body.rows[rows], block=block, factors=body.factors[rows])
             relative, _ = self.displacements(int(last))
-            shaped = relative[body.points].reshape(body.block.rest.shape)[rows]
-            shapes = moved_gaussians(part, shaped.reshape(-1, 3), self.scene.maps).gaussians
-            quaternions[rows] = shapes.quaternions
-            scales[rows] = shapes.scales
+            moved = moved_simplices(body, relative[body.points])[rows]
+            valid = shapes(moved, local.select(rows), self.scene.maps).gaussians
+            quaternions[rows] = valid.quaternions
+            scales[rows] = valid.scales
         return local.with_(quaternions=quaternions, scales=scales)
 
     @cached_property

@@ -62,7 +62,7 @@ class RecordingWriter:
         reference: Gaussians,
         moving: Array,
         points: Array,
-        factors: Sequence[Array],
+        carriers: Sequence[Mapping[str, Array]],
         frames_wanted: int,
         velocities: bool,
         overwrite: bool,
@@ -79,7 +79,7 @@ class RecordingWriter:
             path.parent.mkdir(parents=True, exist_ok=True)
             remove_leftovers(path)
             with folder_in_the_making(path) as folder:
-                _write_store(folder, header, reference, moving, points, factors, frames_wanted, velocities)
+                _write_store(folder, header, reference, moving, points, carriers, frames_wanted, velocities)
                 if replaced:
                     _discard(path)
         except OSError as error:
@@ -295,7 +295,7 @@ def _write_store(
     reference: Gaussians,
     moving: Array,
     points: Array,
-    factors: Sequence[Array],
+    carriers: Sequence[Mapping[str, Array]],
     frames_wanted: int,
     velocities: bool,
 ) -> None:
@@ -316,8 +316,9 @@ def _write_store(
         keep(f"reference/{field.name}", getattr(reference, field.name))
     keep("reference/moving", moving)
     keep("reference/points", points)
-    for index, own in enumerate(factors):
-        keep(f"bodies/{index}/magnification", own)
+    for index, arrays in enumerate(carriers):
+        for name, values in arrays.items():
+            keep(f"bodies/{index}/{name}", values)
     for name in ("displacements", *(["velocities"] if velocities else [])):
         root.create_array(
             f"frames/{name}",

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.games import choose_vertices, magnify, to_simplices
+from gasp_core.games import choose_vertices, demagnify, magnify, to_simplices
 from gasp_core.gaussians import Gaussians
+from gasp_core.reduction.carrier import Sample
+from gasp_core.reduction.occupancy import cell_volumes
 
-__all__ = ["Block", "block_of", "cell_volumes", "magnification_of", "rigid_velocities"]
+__all__ = ["Block", "Vertices", "block_of", "rigid_velocities", "sample_all"]
 
 Array = NDArray[Any]
 
@@ -50,26 +53,55 @@ def block_of(gaussians: Gaussians, vertices: Literal[3, 4, "auto"]) -> Block:
     return Block(local=local, centre=centre, rest=to_simplices(local, count))
 
 
-def magnification_of(block: Block, floor: float) -> tuple[Array, Array]:
-    """The engine's points (N V, 3) [m] in the world, edges no shorter than `floor` [m], and the factors (N, V - 1)."""
-    magnified, factors = magnify(block.rest, floor)
-    return magnified.reshape(-1, 3) + block.centre, factors
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vertices:
+    """A `Carrier` of points that are the vertices themselves, in their order.
 
-
-def cell_volumes(points: Array, spacing: float) -> Array:
-    """Volumes (P,) [m^3] of the points (P, 3) of one body: each cell of the engine's spacing shares its own out.
-
-    V0 = spacing^3 / (points in the cell), so that the mass is that of the occupied cells, however densely the splat
-    is sampled there, and coincident points count once.
+    Parameters
+    ----------
+    factors : (N, V - 1)
+        Magnification of the edges.
     """
-    index = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
-    spans = index.max(axis=0) + 1
-    if float(np.prod(spans.astype(np.float64))) < 2.0**62:
-        keys = (index[:, 0] * spans[1] + index[:, 1]) * spans[2] + index[:, 2]
-        _, cell, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    else:
-        _, cell, counts = np.unique(index, axis=0, return_inverse=True, return_counts=True)
-    return spacing**3 / counts[cell.reshape(-1)]
+
+    kind: ClassVar[str] = "all"
+    factors: Array
+
+    def carry(self, rest: Array, displacements: Array) -> Array:
+        """See `Carrier`.
+
+        The rest simplices are added after the displacements were divided by the magnification: at displacement zero
+        they come out to the last bit.
+        """
+        return rest + demagnify(np.asarray(displacements, dtype=np.float64).reshape(rest.shape), self.factors)
+
+    @property
+    def leaders(self) -> Array:
+        """See `Carrier`: the first vertex is the mean."""
+        count, edges = self.factors.shape
+        return np.arange(0, count * (edges + 1), edges + 1)
+
+    @property
+    def followers(self) -> Array:
+        """See `Carrier`."""
+        count, edges = self.factors.shape
+        return np.repeat(np.arange(count), edges + 1)
+
+    def arrays(self) -> Mapping[str, Array]:
+        """See `Carrier`."""
+        return {"magnification": self.factors}
+
+    def sentence(self) -> str:
+        """See `Carrier`."""
+        return ""
+
+
+def sample_all(block: Block, floor: float, spacing: float) -> Sample:
+    """All vertices of a body, edges no shorter than `floor` [m], for an engine of this spacing [m]."""
+    magnified, factors = magnify(block.rest, floor)
+    points = magnified.reshape(-1, 3)
+    return Sample(
+        positions=points, volumes=cell_volumes(points + block.centre, spacing), carrier=Vertices(factors=factors)
+    )
 
 
 def rigid_velocities(

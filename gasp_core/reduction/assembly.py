@@ -13,13 +13,16 @@ from gasp_core.control import control
 from gasp_core.engine.contract import PointCloud, PointProblem
 from gasp_core.engine.materials import Material
 from gasp_core.errors import SceneError
-from gasp_core.games import demagnify, invert_simplices, matter_rotations
+from gasp_core.games import invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
-from gasp_core.reduction.all_vertices import Block, block_of, cell_volumes, magnification_of, rigid_velocities
+from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
+from gasp_core.reduction.carrier import Carrier, Sample
+from gasp_core.reduction.cores import sample_cores
 from gasp_core.scene.model import MapChoice, Scene
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "matter_turns", "moved_gaussians", "moved_simplices"]
+__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "matter_turns"]
+__all__ += ["moved_gaussians", "moved_simplices", "shapes"]
 
 Array = NDArray[Any]
 
@@ -35,18 +38,18 @@ class Body:
     rows : (N,)
         Its moving Gaussians, as rows of the whole drawn scene.
     points
-        Its rows of the engine's points; vertex v of simplex n is row ``points.start + n V + v``.
+        Its rows of the engine's points.
     block
         Its simplices.
-    factors : (N, V - 1)
-        Magnification of its edges.
+    carrier
+        How the motion of its points becomes that of its simplices.
     """
 
     name: str
     rows: Array
     points: slice
     block: Block
-    factors: Array
+    carrier: Carrier
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,8 +115,8 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
     materials: list[Material] = []
     start = 0
     for body, ((index, placed), block) in enumerate(zip(moving, blocks)):
-        points, factors = magnification_of(block, scene.maps.edge_floor * spacing)
-        volumes = cell_volumes(points, spacing)
+        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing)
+        points, volumes = sample.positions + block.centre, sample.volumes
         material = placed.item.material
         assert material is not None  # SplatObject refuses what moves and is made of nothing
         if material not in materials:
@@ -133,7 +136,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
                 rows=starts[index] + np.flatnonzero(placed.moving),
                 points=slice(start, start + len(points)),
                 block=block,
-                factors=factors,
+                carrier=sample.carrier,
             )
         )
         start += len(points)
@@ -148,6 +151,25 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
         domain=scene.domain,
     )
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
+
+
+def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float) -> Sample:
+    """The points of an object by the mode it asks for.
+
+    Raises
+    ------
+    SceneError
+        Where more cores are asked for than there are Gaussians.
+    """
+    reduction = placed.item.reduction
+    if reduction.mode == "all":
+        return sample_all(block, floor, spacing)
+    if reduction.count is not None and reduction.count > len(block.local):
+        raise SceneError(
+            f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'
+            ' Gaussians of it that move: ask for fewer, or for mode = "all"'
+        )
+    return sample_cores(block, reduction, floor, spacing)
 
 
 def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block]) -> float:
@@ -173,13 +195,11 @@ def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Blo
 
 
 def moved_simplices(body: Body, displacements: Array) -> Array:
-    """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (N V, 3) [m].
+    """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (P, 3) [m].
 
-    The rest simplices are added after the displacements were divided by the magnification: at displacement zero
-    they come out to the last bit.
+    At displacement zero they are those at rest to the last bit.
     """
-    shaped = np.asarray(displacements, dtype=np.float64).reshape(body.block.rest.shape)
-    return body.block.rest + demagnify(shaped, body.factors)
+    return body.carrier.carry(body.block.rest, displacements)
 
 
 def moved_gaussians(
@@ -191,15 +211,21 @@ def moved_gaussians(
     ----------
     body
         Whose points.
-    displacements : (N V, 3) [m]
+    displacements : (P, 3) [m]
         From the positions at the start, less any common translation.
     maps
         Which inverse and which bound.
     previous
         Source of the frames of simplices that have none.
     """
-    reference = body.block.local
-    simplices, clipped = control(moved_simplices(body, displacements), reference, maps.alpha, maps.covariance)
+    return shapes(moved_simplices(body, displacements), body.block.local, maps, previous=previous)
+
+
+def shapes(
+    simplices: Array, reference: Gaussians, maps: MapChoice, *, previous: Gaussians | None = None
+) -> MovedGaussians:
+    """Control rule and T^-1 of moved simplices (N, V, 3) whose Gaussians at rest are `reference`."""
+    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance)
     # Constant colour has nothing to turn: T^-1 is then about shapes alone.
     plain = reference.with_(harmonics=reference.harmonics[:, :1])
     inverted = invert_simplices(simplices, reference=plain, covariance=maps.covariance, previous=previous)

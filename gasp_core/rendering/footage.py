@@ -97,8 +97,7 @@ class RecordedFootage:
 
     def positions(self, frame: int) -> Array:
         """Means of all Gaussians: first vertices of the moved simplices, and those that never move."""
-        points = self.recording.points(frame)
-        moved = [points[body.points][:: body.block.vertices] for body in self.recording.bodies]
+        moved = [simplices[:, 0] for simplices in self.recording.simplices(frame).values()]
         return np.concatenate([self._still, *moved])
 
     @cached_property

@@ -155,13 +155,7 @@ def _read_material(table: Table) -> Material:
 
 
 def _read_reduction(table: Table) -> Reduction:
-    table.only("mode")
-    mode = table.text("mode", "all")
-    if mode in ("cores", "volume"):
-        table.fail("mode", f'"{mode}" comes later: use "all"')
-    if mode != "all":
-        table.fail("mode", f'must be "all", found {kind_of(mode)}')
-    return Reduction(mode=mode)
+    return table.build(Reduction)
 
 
 def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:

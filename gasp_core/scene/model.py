@@ -46,15 +46,62 @@ class Floaters(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reduction:
-    """Which points an engine is given for an object; "all" is every vertex of every simplex, as in the paper."""
+    """Which points an engine is given for an object, and what their motion moves.
+
+    Parameters
+    ----------
+    mode
+        "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
+        clusters of the object's own.
+    fraction, count
+        Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
+    levels
+        Cores of cores: the engine moves the last of so many levels. None with "cores": 1.
+    transfer
+        "least-squares": a Gaussian follows an affine fit to the cores around it; "frame": the frame of its own core, as
+        in the paper. None with "cores": "least-squares".
+
+    Raises
+    ------
+    SceneError
+        Where a value is impossible, or has no meaning in this mode.
+    """
 
     mode: str = "all"
+    fraction: float | None = None
+    count: int | None = None
+    levels: int | None = None
+    transfer: Literal["least-squares", "frame"] | None = None
 
     def __post_init__(self) -> None:
-        if self.mode in ("cores", "volume"):
-            raise SceneError(f'Reduction.mode "{self.mode}" comes later: use "all"')
-        if self.mode != "all":
-            raise SceneError(f'Reduction.mode must be "all", found {self.mode!r}')
+        if self.mode == "volume":
+            raise SceneError('Reduction.mode "volume" comes later: use "all" or "cores"')
+        if self.mode not in ("all", "cores"):
+            raise SceneError(f'Reduction.mode must be "all" or "cores", found {self.mode!r}')
+        if self.mode == "all":
+            for name in ("fraction", "count", "levels", "transfer"):
+                if getattr(self, name) is not None:
+                    raise SceneError(f'Reduction.{name} has no meaning with mode = "all": leave it out')
+            return
+        if (self.fraction is None) == (self.count is None):
+            raise SceneError('Reduction.mode "cores" wants a fraction or a count: give one of them')
+        if self.fraction is not None:
+            finite(self, "fraction", low=0.0, open_low=True, high=1.0)
+        object.__setattr__(self, "levels", 1 if self.levels is None else self.levels)
+        for name in ("count", "levels"):
+            value: object = getattr(self, name)
+            if value is not None and type(value) is not int:
+                raise SceneError(f"Reduction.{name} must be a whole number, found {value!r}")
+        if self.count is not None:
+            finite(self, "count", low=1)
+        finite(self, "levels", low=1, high=8)
+        object.__setattr__(self, "transfer", self.transfer or "least-squares")
+        if self.transfer not in ("least-squares", "frame"):
+            raise SceneError(f'Reduction.transfer must be "least-squares" or "frame", found {self.transfer!r}')
+
+    def cores_of(self, gaussians: int) -> int:
+        """How many cores so many Gaussians get, at least one."""
+        return self.count if self.count is not None else max(1, round((self.fraction or 1.0) * gaussians))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import warnings
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from gasp_core import Recording
+from gasp_core import Recording, Reduction
 from gasp_core.errors import RecordingError
 from gasp_core.recording.durable import folder_in_the_making, replace_file
 from gasp_core.recording.layout import VERSION
@@ -153,3 +154,31 @@ def test_files_appear_whole_or_not_at_all(tmp_path):
         (beside / "file").write_text("")
         assert not (tmp_path / "c").exists()
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a", "c"]
+
+
+def test_a_recording_of_version_1_is_read_and_gone_on_with(scene_of, run, tmp_path):
+    """Version 1 knew no carriers: every body was "all", its arrays are where they were."""
+    whole = run(scene_of(), tmp_path / "whole.gasp")
+    old = run(scene_of(), tmp_path / "old.gasp", frames=5)
+
+    def backwards(attributes):
+        attributes["version"] = 1
+        for body in attributes["bodies"]:
+            assert body.pop("carrier") == "all"
+
+    edit(old.path / "zarr.json", backwards)
+    read = Recording.open(old.path)
+    assert np.array_equal(read.gaussians(4).means, whole.gaussians(4).means)
+    again = run(scene_of(), old.path, resume=True)
+    assert again.status == "complete"
+    assert np.array_equal(again.gaussians(10).quaternions, whole.gaussians(10).quaternions)
+
+
+def test_a_carrier_from_the_future_or_without_its_arrays_is_refused(scene_of, run, tmp_path):
+    recorded = run(scene_of(reduction=Reduction(mode="cores", count=4)), tmp_path / "a.gasp", frames=2)
+    shutil.rmtree(recorded.path / "bodies" / "0" / "levels" / "0" / "transfer" / "weights")
+    with pytest.raises(RecordingError, match="bodies/0 is damaged"):
+        Recording.open(recorded.path).gaussians(1)
+    edit(recorded.path / "zarr.json", lambda attributes: attributes["bodies"][0].update(carrier="volume"))
+    with pytest.raises(RecordingError, match='carries body 0 by "volume", this GASP knows no such: update GASP'):
+        Recording.open(recorded.path).gaussians(1)

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from gasp_core import Elastic, EngineAccuracy, Fluid, MapChoice, Scene, SplatObject
 from gasp_core.errors import SceneError
 from gasp_core.games import to_simplices
-from gasp_core.reduction.all_vertices import cell_volumes, rigid_velocities
+from gasp_core.reduction.all_vertices import rigid_velocities
 from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
+from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.scene.selection import place_object
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)

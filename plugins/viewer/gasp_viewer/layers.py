@@ -161,11 +161,11 @@ def thinned(count: int, limit: int) -> Array:
 
 
 def _drawn(footage: Footage, count: int) -> Elements:
-    """The drawn Gaussians; each goes with the first vertex of its simplex, which is its mean."""
+    """The drawn Gaussians; each goes with the engine's point that leads it, its mean where nothing is reduced."""
     points = np.full(count, -1)
     if isinstance(footage, RecordedFootage):
         for body in footage.recording.bodies:
-            points[body.rows] = np.arange(body.points.start, body.points.stop, body.block.vertices)
+            points[body.rows] = body.points.start + body.carrier.leaders
     return Elements(gaussians=np.arange(count), points=points)
 
 
@@ -189,7 +189,7 @@ def _faces(footage: Footage, start: Moment, drawn: Elements, stage: Stage) -> Fa
 
 def _engine_points(footage: RecordedFootage, stage: Stage) -> Points:
     recording = footage.recording
-    owners = np.concatenate([np.repeat(body.rows, body.block.vertices) for body in recording.bodies])
+    owners = np.concatenate([body.rows[body.carrier.followers] for body in recording.bodies])
     chosen = thinned(len(owners), POINT_LIMIT)
     return Points(
         elements=Elements(gaussians=owners[chosen], points=chosen),

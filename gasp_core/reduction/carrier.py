@@ -1,0 +1,69 @@
+"""The one interface of a reduction, in two halves: which points an engine is given, and what their motion moves.
+
+A mode is a function from a `Block` to a `Sample`. Its positions and volumes go to the engine; its carrier brings their
+displacements back as simplices. Nothing in between knows the mode: points may be vertices, the corners of cores or
+material points that fill a volume; tracers ride with whatever carries, and a rigid body would have one core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from numpy.typing import NDArray
+
+__all__ = ["Carrier", "Sample"]
+
+Array = NDArray[Any]
+
+
+class Carrier(Protocol):
+    """How the motion of the P points of a body becomes that of its N simplices."""
+
+    kind: ClassVar[str]
+    """Name in recordings."""
+
+    def carry(self, rest: Array, displacements: Array) -> Array:
+        """Simplices (N, V, 3) [m], from those at rest and the points' displacements (P, 3) [m].
+
+        Both about the centre of the body. At displacement zero they are those at rest to the last bit.
+        """
+        ...
+
+    @property
+    def leaders(self) -> Array:
+        """For each Gaussian (N,) the point, a row of the body's, whose motion is nearest to that of its mean."""
+        ...
+
+    @property
+    def followers(self) -> Array:
+        """For each point (P,) a Gaussian, a row of the body's, that may stand for it in a picture."""
+        ...
+
+    def arrays(self) -> Mapping[str, Array]:
+        """What a recording keeps of it, by path."""
+        ...
+
+    def sentence(self) -> str:
+        """What to tell the user, without a subject; may be empty."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """The points that stand for a body.
+
+    Parameters
+    ----------
+    positions : (P, 3) [m]
+        About the centre of the body.
+    volumes : (P,) [m^3]
+        > 0; in all, those of the cells that the body occupies. Times the density of its material: masses.
+    carrier
+        The way back.
+    """
+
+    positions: Array
+    volumes: Array
+    carrier: Carrier

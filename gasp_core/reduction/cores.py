@@ -1,0 +1,175 @@
+"""The reduction `cores`: few Gaussians stand for many (GASP, section 3.3: Core-Gaussians).
+
+BIRCH clusters the Gaussians of a body. A core is the moment-matched simplex of its cluster: a tetrahedron whose four
+corners, of equal mass, have the cluster's mass, mean and covariance. The corners are the engine's points; what it does
+to them moves the rest. (The simplex T of the matched Gaussian would lie on one side of the mean, and take the centre of
+mass along.) Several levels: cores of cores; the motion comes down level by level.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.games import magnify
+from gasp_core.reduction.all_vertices import Block
+from gasp_core.reduction.carrier import Sample
+from gasp_core.reduction.clusters import cluster, scatter
+from gasp_core.reduction.occupancy import cell_volumes
+from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
+from gasp_core.scene.model import Reduction
+
+__all__ = ["Level", "Levels", "sample_cores"]
+
+Array = NDArray[Any]
+
+_CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+"""Four points of mean zero and covariance one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """Cores, and how they move what they stand for: the Gaussians, or the cores of the level below."""
+
+    cores: Cores
+    transfer: Transfer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Levels:
+    """A `Carrier` of cores.
+
+    Parameters
+    ----------
+    levels
+        From the cores that the engine moves to those that move the Gaussians.
+    """
+
+    kind: ClassVar[str] = "cores"
+    levels: tuple[Level, ...]
+
+    def carry(self, rest: Array, displacements: Array) -> Array:
+        """See `Carrier`."""
+        moved = np.asarray(displacements, dtype=np.float64).reshape(self.levels[0].cores.points.shape)
+        for level, below in pairwise(self.levels):
+            moved = level.transfer.carry(level.cores, below.cores.points, moved) - below.cores.points
+        last = self.levels[-1]
+        return last.transfer.carry(last.cores, rest, moved)
+
+    @property
+    def labels(self) -> Array:
+        """For each Gaussian (N,), the core of the first level that it belongs to."""
+        labels = self.levels[-1].transfer.labels
+        for level in reversed(self.levels[:-1]):
+            labels = level.transfer.labels[labels]
+        return labels
+
+    @property
+    def leaders(self) -> Array:
+        """See `Carrier`."""
+        return 4 * self.labels
+
+    @property
+    def followers(self) -> Array:
+        """See `Carrier`."""
+        return np.repeat(np.unique(self.labels, return_index=True)[1], 4)
+
+    def arrays(self) -> Mapping[str, Array]:
+        """See `Carrier`."""
+        kept: dict[str, Array] = {}
+        for index, level in enumerate(self.levels):
+            own = {
+                "points": level.cores.points,
+                **{f"transfer/{name}": array for name, array in level.transfer.arrays().items()},
+            }
+            kept |= {f"levels/{index}/{name}": array for name, array in own.items()}
+        return kept
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, Array]) -> Levels:
+        """From what `arrays` gave."""
+        levels: list[Level] = []
+        while f"levels/{len(levels)}/points" in arrays:
+            head = f"levels/{len(levels)}/"
+            own = {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
+            parts = {
+                name.removeprefix("transfer/"): array for name, array in own.items() if name.startswith("transfer/")
+            }
+            transfer = LeastSquares(**parts) if "neighbours" in parts else OneFrame(**parts)
+            levels.append(Level(cores=Cores(points=own["points"]), transfer=transfer))
+        return cls(levels=tuple(levels))
+
+    def sentence(self) -> str:
+        """See `Carrier`."""
+        counts = [len(level.cores) for level in self.levels]
+        chain = " carry ".join(f"{count:,} cores" for count in counts)
+        fallen = sum(len(level.transfer.fallen) for level in self.levels if isinstance(level.transfer, LeastSquares))
+        fell = f", {fallen:,} neighbourhoods fell back on one core's frame" if fallen else ""
+        return f"{chain} carry {len(self.levels[-1].transfer.labels):,} Gaussians{fell}"
+
+
+def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: float) -> Sample:
+    """The corners of a body's cores.
+
+    Parameters
+    ----------
+    block
+        All its simplices.
+    reduction
+        How many cores, how many levels, which transfer.
+    floor
+        Shortest edge the engine is given [m].
+    spacing
+        Of the engine [m].
+
+    Returns
+    -------
+    Sample
+        The volume of a core is that of the vertices it stands for, as `all` would have it, its corners share it
+        equally: the mass is that of `all`, however few cores there are.
+    """
+    simplices, _ = magnify(block.rest, floor)
+    volumes = cell_volumes(simplices.reshape(-1, 3) + block.centre, spacing).reshape(len(simplices), -1).sum(axis=1)
+    means, covariances = block.local.means.astype(np.float64), block.local.covariances()
+    levels: list[Level] = []
+    for count in _counts(len(means), reduction.cores_of(len(means)), reduction.levels or 1):
+        labels = cluster(means, count)
+        own_volumes, own_means, between = scatter(means, labels, volumes)
+        own_covariances = between + _averages(covariances, labels, volumes)
+        cores = Cores(points=_corners(own_means, own_covariances, floor))
+        if reduction.transfer == "frame":
+            transfer: Transfer = OneFrame(labels=labels)
+        else:
+            transfer = LeastSquares.build(cores, means, labels)
+        levels.insert(0, Level(cores=cores, transfer=transfer))
+        volumes, means, covariances = own_volumes, own_means, own_covariances
+    return Sample(
+        positions=levels[0].cores.points.reshape(-1, 3),
+        volumes=np.repeat(volumes / 4, 4),
+        carrier=Levels(levels=tuple(levels)),
+    )
+
+
+def _counts(gaussians: int, cores: int, levels: int) -> list[int]:
+    """Cores of each level, from the finest to the engine's; the numbers fall by the same factor each time."""
+    share = (cores / gaussians) ** (1 / levels)
+    return [*(max(cores, math.ceil(gaussians * share**level)) for level in range(1, levels)), cores]
+
+
+def _averages(matrices: Array, labels: Array, weights: Array) -> Array:
+    """Weighted means (C, 3, 3) of matrices (N, 3, 3) by cluster."""
+    columns = (np.bincount(labels, weights * column) for column in matrices.reshape(-1, 9).T)
+    return np.stack(list(columns), axis=1).reshape(-1, 3, 3) / np.bincount(labels, weights)[:, None, None]
+
+
+def _corners(means: Array, covariances: Array, floor: float) -> Array:
+    """Corners (C, 4, 3) [m] of this mean and covariance, no narrower than `floor` [m] along any principal axis."""
+    values, axes = np.linalg.eigh(covariances)
+    deviations = np.maximum(np.sqrt(np.maximum(values, 0.0)), floor / 2)
+    return means[:, None] + np.einsum("vk,ck,cik->cvi", _CORNERS, deviations, axes)

@@ -1,0 +1,224 @@
+"""From the motion of cores to that of everything they stand for: operators built once and applied every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core import jacobi
+from gasp_core.engine.threads import processors
+from gasp_core.games import polar_rotations
+from gasp_core.reduction import kernels
+
+__all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer"]
+
+Array = NDArray[Any]
+
+NEIGHBOURS = 8
+"""Cores whose motion a Gaussian follows; with four the fit is ill-conditioned."""
+_THINNEST = 1e-5
+"""Least share of a neighbourhood's shortest axis squared in its longest one squared: displacements in float32 of the
+size of the neighbourhood then give the slope across it to 2e-5."""
+_FLAT_CORE = 1e-15
+"""The same of a core alone, in double precision."""
+_ROWS_AT_ONCE = 2**16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cores:
+    """Tetrahedra that stand for clusters.
+
+    Parameters
+    ----------
+    points : (C, 4, 3) [m]
+        Their corners, about the centre of the body.
+    """
+
+    points: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def centres(self) -> Array:
+        """Means of their corners, (C, 3) [m]."""
+        return self.points.mean(axis=1)
+
+    @property
+    def moments(self) -> Array:
+        """Second moments of their corners about the centres, (C, 3, 3) [m^2]."""
+        offsets = self.points - self.centres[:, None]
+        return np.einsum("cvi,cvj->cij", offsets, offsets) / 4
+
+    def turned(self, displacements: Array) -> Array:
+        """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, 4, 3) [m].
+
+        R is the polar rotation of the deformation gradient; 1 where a core has no volume.
+        """
+        offsets = self.points - self.centres[:, None]
+        products = np.einsum("cvi,cvj->cij", displacements, offsets) / 4
+        moments = self.moments
+        values = np.linalg.eigvalsh(moments)
+        whole = values[:, 0] > _FLAT_CORE * values[:, 2]
+        gradients = np.zeros_like(products)
+        gradients[whole] = products[whole] @ np.linalg.inv(moments[whole])
+        one = np.broadcast_to(np.eye(3), gradients.shape)
+        # The polar rotation of 1 is subtracted, not 1: at displacement zero the difference is zero to the last bit.
+        return polar_rotations(one + gradients) - polar_rotations(one)
+
+
+class Transfer(Protocol):
+    """Moves simplices as cores move."""
+
+    kind: ClassVar[str]
+
+    @property
+    def labels(self) -> Array:
+        """The core (N,) each simplex belongs to."""
+        ...
+
+    def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
+        """Simplices (N, V, 3), from those at rest and the displacements (C, 4, 3) of the cores' corners [m]."""
+        ...
+
+    def arrays(self) -> Mapping[str, Array]:
+        """All it is made of."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneFrame:
+    """Every simplex moves rigidly with the frame of the core of its cluster, the paper's rule.
+
+    The frame is that of the polar rotation of the core's deformation gradient: Gram-Schmidt's prefers an edge.
+
+    Parameters
+    ----------
+    labels : (N,)
+    """
+
+    kind: ClassVar[str] = "frame"
+    labels: Array
+
+    def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
+        """See `Transfer`."""
+        out = np.empty_like(rest)
+        _carry_rigidly(cores, rest, displacements, self.labels, np.arange(len(rest)), out)
+        return out
+
+    def arrays(self) -> Mapping[str, Array]:
+        """See `Transfer`."""
+        return {"labels": self.labels}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeastSquares:
+    """Affine moving least squares over the corners of the nearest cores (Levin 1998, 10.1090/S0025-5718-98-00974-0).
+
+    At a Gaussian with mean m the affine map minimises sum_j w_j mean_v |A x_jv + b - u_jv|^2 over its neighbours j
+    and their corners v. All vertices of a simplex follow one map: neighbourhoods that change between them would tear
+    a small simplex. With P the mean of the corners under w, M = sum_j w_j mean_v (x_jv - P) (x_jv - P)^T,
+
+        b(x) = sum_j w_j u_j + [sum_j w_j mean_v u_jv (x_jv - P)^T] M^-1 (x - P).
+
+    Parameters
+    ----------
+    labels : (N,)
+    neighbours : (N, K) int32
+        Nearest first.
+    weights : (N, K) float32
+        Of sum 1.
+    inverses : (N, 6) float64 [1/m^2]
+        M^-1: xx, xy, xz, yy, yz, zz; zero for those that fell back. Thin neighbourhoods make it a large matrix of
+        small differences: float32 would not do.
+    fallen : (F,)
+        Rows whose neighbourhood is flat or a line: they follow their own core's frame.
+    """
+
+    kind: ClassVar[str] = "least-squares"
+    labels: Array
+    neighbours: Array
+    weights: Array
+    inverses: Array
+    fallen: Array
+
+    @classmethod
+    def build(cls, cores: Cores, means: Array, labels: Array) -> LeastSquares:
+        """The operator for simplices with means (N, 3) [m], about the centre of the body, and these labels."""
+        centres = cores.centres
+        neighbours, weights = _neighbourhoods(centres, means)
+        own = cores.moments
+        inverses = np.zeros((len(means), 6))
+        fallen: list[Array] = []
+        for first in range(0, len(means), _ROWS_AT_ONCE):
+            rows = slice(first, first + _ROWS_AT_ONCE)
+            values, axes = np.linalg.eigh(_moments(centres, own, neighbours[rows], weights[rows]))
+            thin = ~(values[:, 0] > _THINNEST * values[:, 2])
+            values[thin] = np.inf
+            inverse = np.einsum("nik,nk,njk->nij", axes, 1 / values, axes)
+            inverses[rows] = inverse[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
+            fallen.append(first + np.flatnonzero(thin))
+        return cls(
+            labels=labels,
+            neighbours=neighbours.astype(np.int32),
+            weights=weights,
+            inverses=inverses,
+            fallen=np.concatenate(fallen),
+        )
+
+    def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
+        """See `Transfer`."""
+        out = np.empty_like(rest)
+        table = np.ones((len(cores), kernels.COLUMNS))
+        table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
+        table[:, 6:15] = np.einsum("cvi,cvj->cij", displacements, cores.points).reshape(-1, 9) / 4
+        chunks = jacobi.chunk_count(len(rest))
+        kernels.carry_affinely(rest, table, self.neighbours, self.weights, self.inverses, out, chunks)
+        if len(self.fallen):
+            _carry_rigidly(cores, rest, displacements, self.labels, self.fallen, out)
+        return out
+
+    def arrays(self) -> Mapping[str, Array]:
+        """See `Transfer`."""
+        return {
+            "labels": self.labels,
+            "neighbours": self.neighbours,
+            "weights": self.weights,
+            "inverses": self.inverses,
+            "fallen": self.fallen,
+        }
+
+
+def _neighbourhoods(centres: Array, means: Array) -> tuple[Array, Array]:
+    """Nearest cores (N, K), nearest first, and their weights (N, K)."""
+    from scipy.spatial import KDTree
+
+    count = min(NEIGHBOURS, len(centres))
+    # One more than are used: its distance is where weights come to zero, so that no core comes or goes with a jerk.
+    asked = min(count + 1, len(centres))
+    tree: Any = KDTree(centres)
+    distances, neighbours = tree.query(means, k=[*range(1, asked + 1)], workers=processors())
+    reach = distances[:, -1:] * (1.02 if asked > count else 2.0)
+    share = distances[:, :count] / np.where(reach > 0, reach, 1.0)
+    weights = (1 - share**2) ** 2
+    return neighbours[:, :count], (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def _moments(centres: Array, own: Array, neighbours: Array, weights: Array) -> Array:
+    """M of every neighbourhood, (N, 3, 3), from the cores' own second moments (C, 3, 3) about their centres."""
+    offsets = centres[neighbours] - centres[neighbours[:, :1]]
+    mean = np.einsum("nk,nki->ni", weights, offsets)
+    between = np.einsum("nk,nki,nkj->nij", weights, offsets, offsets) - mean[:, :, None] * mean[:, None, :]
+    return between + np.einsum("nk,nkij->nij", weights, own[neighbours])
+
+
+def _carry_rigidly(cores: Cores, rest: Array, displacements: Array, labels: Array, rows: Array, out: Array) -> None:
+    """out[rows], simplices that move with the frame of their core."""
+    table = np.empty((len(cores), 15))
+    table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
+    table[:, 6:] = cores.turned(displacements).reshape(-1, 9)
+    kernels.carry_rigidly(rest, table, labels, rows, out, jacobi.chunk_count(len(rows)))

@@ -1,0 +1,276 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gasp_core import Elastic, MapChoice, Reduction, Scene, SplatObject
+from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
+from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
+from gasp_core.reduction.clusters import cluster
+from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.transfer import NEIGHBOURS, LeastSquares
+from gasp_core.scene.selection import place_object
+
+JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
+
+
+def splat_of(means, seed=0, scales=None):
+    rng = np.random.default_rng(seed)
+    count = len(means)
+    return Gaussians(
+        means=np.asarray(means, dtype=np.float64),
+        quaternions=rng.normal(size=(count, 4)),
+        scales=np.exp(rng.uniform(-6, -4, size=(count, 3))) if scales is None else scales,
+        opacities=np.full(count, 0.9),
+        harmonics=np.zeros((count, 1, 3), dtype=np.float32),
+    )
+
+
+def ball(count=600, seed=0, offset=0.0):
+    return splat_of(np.random.default_rng(seed).normal(size=(count, 3)) / 4 + offset, seed)
+
+
+def assembled(*splats, vertices=None, maps=None, **reduction):
+    items = [
+        SplatObject(
+            name=f"thing {index}",
+            splat=splat,
+            material=JELLY,
+            reduction=Reduction(mode="cores", **reduction),
+            vertices=vertices,
+        )
+        for index, splat in enumerate(splats)
+    ]
+    scene = Scene(duration=1, frame_rate=1, objects=items, maps=maps or MapChoice())
+    return assemble(scene, [place_object(item, item.splat) for item in items])
+
+
+def turn(angle):
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]]) @ np.array(
+        [[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]
+    )
+
+
+def moved_by(body, points, gradient, shift=(0.3, -0.2, 0.5)):
+    """Displacements of a body's points under x -> F x + t about its centre as a recording has them, and their mean."""
+    own = points[body.points] - body.block.centre
+    displacements = own @ (np.asarray(gradient) - np.eye(3)).T + shift
+    mean = displacements.mean(axis=0)
+    return (displacements - mean).astype(np.float32), mean
+
+
+AFFINE = np.array([[1.2, 0.3, 0.0], [0.0, 0.8, 0.1], [0.2, 0.0, 1.1]])
+EXACT = [("least-squares", AFFINE), ("least-squares", turn(1.0)), ("frame", turn(1.0))]
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("transfer,gradient", EXACT)
+def test_a_motion_of_its_class_is_carried_exactly(transfer, gradient, vertices, levels):
+    """float32 knows a displacement of order 1 to 6e-8; a fit over cores a tenth apart spreads that tenfold."""
+    assembly = assembled(ball(), vertices=vertices, fraction=0.1, levels=levels, transfer=transfer)
+    body = assembly.bodies[0]
+    relative, mean = moved_by(body, assembly.problem.points.reference_positions, gradient)
+    expected = body.block.rest @ gradient.T + (0.3, -0.2, 0.5)
+    assert np.abs(moved_simplices(body, relative) + mean - expected).max() < 1e-5
+
+
+def test_one_frame_is_not_exact_where_matter_is_strained():
+    """That the test above can fail: a rigid frame leaves a stretch of 1.2 behind."""
+    assembly = assembled(ball(), fraction=0.1, transfer="frame")
+    body = assembly.bodies[0]
+    relative, mean = moved_by(body, assembly.problem.points.reference_positions, AFFINE)
+    expected = body.block.rest @ AFFINE.T + (0.3, -0.2, 0.5)
+    assert np.abs(moved_simplices(body, relative) + mean - expected).max() > 1e-2
+
+
+@pytest.mark.parametrize("transfer", ["least-squares", "frame"])
+@pytest.mark.parametrize("levels", [1, 2])
+def test_displacement_zero_is_the_rest_state_to_the_last_bit(transfer, levels):
+    assembly = assembled(ball(offset=1e4), fraction=0.05, levels=levels, transfer=transfer)
+    body = assembly.bodies[0]
+    zeros = np.zeros((len(assembly.problem.points), 3), dtype=np.float32)
+    assert np.array_equal(moved_simplices(body, zeros), body.block.rest)
+
+
+@pytest.mark.parametrize("transfer", ["least-squares", "frame"])
+def test_a_smooth_motion_gains_from_more_cores(transfer):
+    """Least squares is of second order in the distance of cores, one frame of first: N^(-2/3) and N^(-1/3)."""
+    splat = ball(4000)
+    errors = []
+    for fraction in (0.02, 0.16):
+        assembly = assembled(splat, fraction=fraction, transfer=transfer)
+        body = assembly.bodies[0]
+        field = lambda x: 0.1 * np.sin(2 * x[..., [1, 2, 0]])  # noqa: E731
+        points = assembly.problem.points.reference_positions - body.block.centre
+        moved = moved_simplices(body, field(points)) - (body.block.rest + field(body.block.rest))
+        errors.append(np.sqrt((moved**2).sum(axis=-1).mean()))
+    # Eight times the cores: a quarter and a half, in theory; half of that gain has to be there on a random cloud.
+    assert errors[1] < errors[0] * (0.25 if transfer == "least-squares" else 0.5) ** 0.5
+
+
+def test_least_squares_beats_one_frame():
+    splat = ball(4000)
+    errors = {}
+    for transfer in ("least-squares", "frame"):
+        assembly = assembled(splat, fraction=0.05, transfer=transfer)
+        body = assembly.bodies[0]
+        field = lambda x: 0.1 * np.sin(2 * x[..., [1, 2, 0]])  # noqa: E731
+        points = assembly.problem.points.reference_positions - body.block.centre
+        moved = moved_simplices(body, field(points)) - (body.block.rest + field(body.block.rest))
+        errors[transfer] = np.sqrt((moved**2).sum(axis=-1).mean())
+    assert errors["least-squares"] < errors["frame"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 50, 599])
+def test_there_are_as_many_cores_as_asked(count):
+    assembly = assembled(ball(), count=count)
+    assert len(assembly.problem.points) == 4 * count
+    assert len(np.unique(assembly.bodies[0].carrier.labels)) == count
+
+
+@pytest.mark.parametrize("fraction", [0.0001, 0.05, 1.0])
+def test_a_fraction_is_of_the_gaussians_that_move(fraction):
+    splat = ball()
+    item = SplatObject(
+        name="a",
+        splat=splat.with_(opacities=np.where(np.arange(600) < 100, 0.0, 0.9)),
+        material=JELLY,
+        min_opacity=0.5,
+        reduction=Reduction(mode="cores", fraction=fraction),
+    )
+    assembly = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, item.splat)])
+    assert len(assembly.problem.points) == 4 * max(1, round(fraction * 500))
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_the_mass_is_that_of_all_points(levels):
+    splat = ball()
+    item = SplatObject(name="a", splat=splat, material=JELLY)
+    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)])
+    reduced = assembled(splat, count=20, levels=levels)
+    # A sum of some thousand doubles.
+    np.testing.assert_allclose(reduced.problem.masses.sum(), whole.problem.masses.sum(), rtol=1e-12)
+    assert (reduced.problem.masses > 0).all()
+    assert reduced.spacing == whole.spacing
+
+
+def test_a_core_has_the_mass_the_mean_and_the_covariance_of_its_cluster():
+    """One core for all: moments of the mixture, each Gaussian weighed by the volume of its vertices."""
+    splat = ball(50)
+    item = SplatObject(name="a", splat=splat, material=JELLY, vertices=4)
+    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)])
+    weights = whole.problem.points.reference_volumes.reshape(50, 4).sum(axis=1)
+    corners = assembled(splat, count=1, vertices=4).problem.points.reference_positions
+    mean = np.average(splat.means, axis=0, weights=weights)
+    offsets = splat.means - mean
+    expected = (offsets * weights[:, None]).T @ offsets / weights.sum()
+    expected += np.average(splat.covariances(), axis=0, weights=weights)
+    # Some fifty operations in double precision on numbers of order one.
+    np.testing.assert_allclose(corners.mean(axis=0), mean, atol=1e-13)
+    np.testing.assert_allclose(np.cov(corners.T, bias=True), expected, atol=1e-13)
+
+
+def test_levels_are_cores_of_cores():
+    carrier = assembled(ball(), count=10, levels=2).bodies[0].carrier
+    first, second = carrier.levels
+    assert len(first.cores) == 10 and 10 < len(second.cores) < 600
+    assert first.transfer.labels.shape == (len(second.cores),)
+    assert np.array_equal(carrier.labels, first.transfer.labels[second.transfer.labels])
+
+
+def test_leaders_and_followers_are_of_one_cluster():
+    carrier = assembled(ball(), count=10).bodies[0].carrier
+    assert np.array_equal(carrier.labels[carrier.followers], np.repeat(np.arange(10), 4))
+    assert np.array_equal(carrier.leaders // 4, carrier.labels)
+
+
+def test_two_bodies_do_not_pull_at_each_other():
+    """They lie in the same place; one stands still, the other flies."""
+    assembly = assembled(ball(seed=1), ball(seed=2), fraction=0.05)
+    still, flying = assembly.bodies
+    moved = np.zeros((len(assembly.problem.points), 3))
+    moved[flying.points] = (1.0, 2.0, 3.0)
+    assert np.array_equal(moved_simplices(still, moved[still.points]), still.block.rest)
+    carried = moved_simplices(flying, moved[flying.points]) - flying.block.rest
+    # Weights in float32 are normalised in float64; the fit's slope is the rounding of sums of order 1 over a spacing.
+    np.testing.assert_allclose(carried, np.broadcast_to((1.0, 2.0, 3.0), carried.shape), atol=1e-10)
+
+
+@pytest.mark.parametrize("transfer", ["least-squares", "frame"])
+@pytest.mark.parametrize(
+    "means",
+    {
+        "one": np.zeros((1, 3)),
+        "all in one place": np.ones((40, 3)),
+        "on a line": np.linspace(0, 1, 200)[:, None] * [1.0, 2.0, 3.0],
+        "coplanar": np.random.default_rng(0).uniform(size=(300, 3)) * [1.0, 1.0, 0.0],
+        "two places": np.repeat([[0.0, 0, 0], [1, 0, 0]], 30, axis=0),
+    }.items(),
+    ids=lambda item: item[0],
+)
+def test_odd_clouds_turn_with_their_cores(means, transfer):
+    splat = splat_of(means[1])
+    assembly = assembled(splat, count=min(5, len(splat)), transfer=transfer)
+    body = assembly.bodies[0]
+    places = len(np.unique(splat.means, axis=0))
+    assert 1 <= len(assembly.problem.points) // 4 <= min(5, places)
+    rotation = turn(0.7)
+    relative, mean = moved_by(body, assembly.problem.points.reference_positions, rotation)
+    expected = body.block.rest @ rotation.T + (0.3, -0.2, 0.5)
+    # As above, in units of the body: its extent, or that of a Gaussian.
+    assert np.abs(moved_simplices(body, relative) + mean - expected).max() < 1e-5
+
+
+def test_flat_neighbourhoods_fall_back_and_are_counted():
+    """Without magnified edges the corners of cores of a sheet lie in its plane: no affine map can be fitted."""
+    sheet = np.random.default_rng(0).uniform(size=(300, 3)) * [1.0, 1.0, 0.0]
+    splat = splat_of(sheet, scales=np.full((300, 3), 1e-9))
+    assembly = assembled(splat, fraction=0.1, vertices=4, maps=MapChoice(edge_floor=0.0))
+    body = assembly.bodies[0]
+    level = body.carrier.levels[0]
+    assert isinstance(level.transfer, LeastSquares)
+    assert len(level.transfer.fallen) == 300
+    assert body.carrier.sentence() == ("30 cores carry 300 Gaussians, 300 neighbourhoods fell back on one core's frame")
+    zeros = np.zeros((len(assembly.problem.points), 3), dtype=np.float32)
+    moved = moved_gaussians(body, zeros + np.float32(0.5), MapChoice())
+    assert np.abs(moved.gaussians.means - body.block.local.means - 0.5).max() < 1e-12
+
+
+def test_more_cores_than_gaussians_is_refused():
+    with pytest.raises(SceneError, match=r'object "thing 0": reduction.count 601 is more than the 600 Gaussians'):
+        assembled(ball(), count=601)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [1, 2, 10, 100])
+def test_clusters_are_many_as_asked_and_compact(seed, count):
+    positions = np.random.default_rng(seed).uniform(size=(1000, 3)) * [1.0, 5.0, 0.1]
+    labels = cluster(positions, count)
+    sizes = np.bincount(labels)
+    assert len(sizes) == count and sizes.min() > 0
+    within = sum(
+        ((positions[labels == own] - positions[labels == own].mean(axis=0)) ** 2).sum() for own in range(count)
+    )
+    whole = ((positions - positions.mean(axis=0)) ** 2).sum()
+    # A plate cut into n squares keeps 1/n of its scatter at the least, cut into strips across its length 1/n^2.
+    assert within <= whole * 1.5 / count
+
+
+def test_a_carrier_comes_back_from_its_arrays():
+    for transfer in ("least-squares", "frame"):
+        assembly = assembled(ball(), count=20, levels=2, transfer=transfer)
+        body = assembly.bodies[0]
+        again = Levels.of(dict(body.carrier.arrays()))
+        moved = np.random.default_rng(0).normal(size=(80, 3))
+        assert np.array_equal(again.carry(body.block.rest, moved), body.carrier.carry(body.block.rest, moved))
+        assert again.sentence() == body.carrier.sentence()
+
+
+def test_eight_neighbours_where_there_are_eight():
+    for count, expected in ((3, 3), (8, 8), (50, 8)):
+        transfer = assembled(ball(), count=count).bodies[0].carrier.levels[0].transfer
+        assert transfer.neighbours.shape == (600, expected)
+    assert NEIGHBOURS == 8
