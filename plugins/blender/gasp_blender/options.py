@@ -1,0 +1,26 @@
+"""What only this engine has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gasp_core.errors import SceneError
+
+__all__ = ["BlenderOptions"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlenderOptions:
+    """Options of the engine.
+
+    Parameters
+    ----------
+    voxels
+        Most voxels in the cage of one body; where the resolution asks for more, the cage is coarser.
+    """
+
+    voxels: int = 1000
+
+    def __post_init__(self) -> None:
+        if type(self.voxels) is not int or self.voxels < 1:
+            raise SceneError(f"BlenderOptions.voxels must be a whole number >= 1, found {self.voxels!r}")
