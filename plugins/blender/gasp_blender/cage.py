@@ -77,9 +77,7 @@ def build_cage(positions: Array, margin: float, spacing: float, most_voxels: int
     own = np.unique(np.concatenate([occupied, cells]), axis=0, return_inverse=True)[1].reshape(-1)[len(occupied) :]
     inside = (positions - low) / spaces - cells
     weights = np.where(_CORNERS, inside[:, None], 1 - inside[:, None]).prod(axis=2)
-    return Cage(
-        nodes=low + places * spaces, voxels=voxels, parity=occupied % 2, corners=voxels[own], weights=weights
-    )
+    return Cage(nodes=low + places * spaces, voxels=voxels, parity=occupied % 2, corners=voxels[own], weights=weights)
 
 
 def gather(cage: Cage, values: Array) -> Array:

@@ -63,9 +63,7 @@ class Elastic:
         self._state[:, :3] = (nodes - self._origin) / self._length
         self._state[:, 3:] = velocities * self._unit / self._length
         count = len(problem.colliders)
-        self._bonds = Bonds(
-            bound=np.zeros((count, len(nodes)), dtype=bool), anchors=np.zeros((count, len(nodes), 3))
-        )
+        self._bonds = Bonds(bound=np.zeros((count, len(nodes)), dtype=bool), anchors=np.zeros((count, len(nodes), 3)))
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         self._strike(0.0)
         self._constrain(0.0)
@@ -186,9 +184,7 @@ class Elastic:
         """Contact, then what drives hold, which is stronger."""
         places, velocities = self._places(), self._velocities()
         if self._problem.colliders:
-            places, velocities = touch(
-                self._problem.colliders, self._bonds, places, velocities, _NEAR * self._length
-            )
+            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, _NEAR * self._length)
         for number, drive in enumerate(self._problem.drives):
             if not isinstance(drive, (Pinned, Driven)):
                 continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.elastic import CALM, Elastic
-from gasp_blender.matter import elastic_matter
+from gasp_blender.matter import Matter, elastic_matter
 from gasp_blender.options import BlenderOptions
-from gasp_blender.session import BlenderSession, Part
+from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
+from gasp_blender.session import BlenderSession
 from gasp_blender.studio import studio
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.engine.forcing import Side
 from gasp_core.errors import SceneError
 
 __all__ = ["Blender"]
@@ -53,26 +56,55 @@ class Blender:
         """
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
         spacing = accuracy.spacing_for(problem.points)
+        _refuse_starts_inside(problem, spacing)
         matter = elastic_matter(problem, spacing, chosen.voxels)
-        bound = matter.stable_step
-        if accuracy.substep is not None and accuracy.substep > bound:
+        rows = rigid_rows(problem)
+        longest = _longest_step(matter, len(rows) > 0, accuracy)
+        parts: list[tuple[Array, Elastic | RigidBodies]] = []
+        try:
+            if matter is not None:
+                parts.append((matter.rows, Elastic(problem, matter, spacing)))
+            if len(rows):
+                parts.append((rows, RigidBodies(problem, rows)))
+            time = 0.0 if restart is None else _restored(restart, parts)
+        except BaseException:
+            for _, part in parts:
+                part.close()
+            raise
+        return BlenderSession(problem, parts, longest, accuracy, time)
+
+
+def _longest_step(matter: Matter | None, rigid: bool, accuracy: EngineAccuracy) -> float:
+    """Largest substep [s]."""
+    bound = math.inf if matter is None else matter.stable_step
+    if accuracy.substep is not None:
+        if accuracy.substep > bound:
             raise SceneError(
                 f"a substep of {accuracy.substep:g} s is above the stable bound of {bound:.3g} s: leave substep out, or"
                 " lower it"
             )
-        longest = accuracy.substep or accuracy.substep_fraction * CALM * bound
-        if restart is not None and np.shape(restart.get("time", "nothing")) != ():
-            raise SceneError("the checkpoint has no time")
-        elastic = Elastic(problem, matter, spacing)
-        parts: list[tuple[Array, Part]] = [(matter.rows, elastic)]
-        time = 0.0
-        if restart is not None:
-            try:
-                if "time" not in restart:
-                    raise SceneError("the checkpoint holds no time: it belongs to another engine; start the run anew")
-                elastic.restore(restart)
-                time = float(restart["time"])
-            except BaseException:
-                elastic.close()
-                raise
-        return BlenderSession(problem, parts, longest, accuracy, time, ())
+        if rigid and accuracy.substep > 1:
+            raise SceneError(f"a substep of {accuracy.substep:g} s is above the 1 s that Bullet bears: lower it")
+        return accuracy.substep
+    return min(accuracy.substep_fraction * CALM * bound, LONGEST_STEP if rigid else math.inf)
+
+
+def _restored(restart: Mapping[str, Array], parts: list[tuple[Array, Elastic | RigidBodies]]) -> float:
+    """Set the parts to a checkpoint; its time [s]."""
+    if "time" not in restart or np.shape(restart["time"]) != ():
+        raise SceneError("the checkpoint holds no time: it belongs to another engine; start the run anew")
+    for _, part in parts:
+        part.restore(restart)
+    return float(restart["time"])
+
+
+def _refuse_starts_inside(problem: PointProblem, spacing: float) -> None:
+    """Refuse points that start deeper in a collider than a voxel: Blender throws out what does."""
+    for number, collider in enumerate(problem.colliders, start=1):
+        sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
+        depth = -sign * collider.shape.signed_distance(problem.points.reference_positions)
+        if depth.max() > spacing:
+            raise SceneError(
+                f"{int((depth > spacing).sum())} point(s), first {int(np.argmax(depth > spacing))}, start up to"
+                f" {depth.max():.3g} m inside collider {number}: move the object, or the collider"
+            )

@@ -1,4 +1,4 @@
-"""Elastic bodies as one network of springs, in SI units: what is to be put before Blender, and how points ride on it."""
+"""Elastic bodies as one network of springs, in SI units, and how points ride on it."""
 
 from __future__ import annotations
 
@@ -170,4 +170,3 @@ def _bodies(matter: Matter) -> Array:
         if np.array_equal(after, label):
             return label
         label = after
-

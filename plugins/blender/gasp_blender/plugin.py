@@ -16,7 +16,7 @@ from gasp_core.engine.contract import (
 )
 from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Wind
 from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic
+from gasp_core.engine.materials import Elastic, Rigid
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 
 __all__ = ["gasp_point_engines"]
@@ -31,7 +31,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
             summary="Blender's soft bodies on a cage, cloth and rigid bodies: springs, calibrated to Young's modulus",
             contract_version=(1, 0),
             capabilities=EngineCapabilities(
-                materials=frozenset({Elastic}),
+                materials=frozenset({Elastic, Rigid}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
                 contact_conditions=frozenset(ContactCondition),
                 drives=frozenset({Pinned, Driven, Impulse}),

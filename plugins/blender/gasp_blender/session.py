@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -59,19 +59,17 @@ class BlenderSession:
     def __init__(
         self,
         problem: PointProblem,
-        parts: list[tuple[Array, Part]],
+        parts: Sequence[tuple[Array, Part]],
         longest_step: float,
         accuracy: EngineAccuracy,
         time: float,
-        warnings: tuple[str, ...],
     ) -> None:
         self._problem = problem
-        self._parts: list[tuple[Array, Part]] | None = parts
+        self._parts: Sequence[tuple[Array, Part]] | None = parts
         self._longest = longest_step
         self._accuracy = accuracy
         self._time = time
         self._events = event_times(problem.drives, problem.force_fields)
-        self._warnings = warnings
 
     @property
     def time(self) -> float:
@@ -90,7 +88,8 @@ class BlenderSession:
         if not (math.isfinite(time) and time >= self._time):
             raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
         steps: list[float] = []
-        status, warnings = Status.OK, list(self._warnings)
+        status = Status.OK
+        warnings: list[str] = []
         while self._time < time and status is Status.OK:
             later = self._events[self._events > self._time]
             landing = min(time, float(later[0])) if len(later) else time
@@ -109,7 +108,7 @@ class BlenderSession:
             for index in range(count):
                 # The last one lands on the very number that was asked for, not on a sum of steps.
                 end = landing if index + 1 == count else start + (index + 1) * step
-                if not all([part.step(self._time, end, step) for _, part in self._living()]):
+                if not all(part.step(self._time, end, step) for _, part in self._living()):
                     status = Status.NON_FINITE
                     warnings.append(
                         f"Blender's state is not finite after {end:.6g} s: try a substep below {step / 2:.3g} s"
@@ -158,7 +157,7 @@ class BlenderSession:
     ) -> None:
         self.close()
 
-    def _living(self) -> list[tuple[Array, Part]]:
+    def _living(self) -> Sequence[tuple[Array, Part]]:
         if self._parts is None:
             raise ValueError("the session is closed")
         return self._parts

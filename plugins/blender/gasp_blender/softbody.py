@@ -1,9 +1,9 @@
 """A Blender soft body as a function: state and step in, state out.
 
-A step is one frame, and one step of Blender's own integrator within it. That integrator is Heun's in name. What it does,
-measured, is x1 = x + dt v1 and then x + dt (v1 + v2) / 2 with the mean of both forces in v2: symplectic Euler in a
-uniform field, to the last digit, and for an oscillator a determinant of 1 - (w dt)^2 / 2, which damps and is stable up
-to w dt = 2.
+A step is one frame, and one step of Blender's own integrator within it. That integrator is Heun's in name. What it
+does, measured, is x1 = x + dt v1 and then x + dt (v1 + v2) / 2 with the mean of both forces in v2: symplectic Euler in
+a uniform field, to the last digit, and for an oscillator a determinant of 1 - (w dt)^2 / 2, which damps and is stable
+up to w dt = 2.
 
 All is scaled: lengths by the voxels' size, times by the longest step ever taken. Blender's soft bodies ignore the
 frame rate and take gravity for a thousandth of what it is; `speed` is the only clock they have, and it ends at 0.01.

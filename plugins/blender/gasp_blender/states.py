@@ -1,8 +1,8 @@
 """Blender's point caches on disk: the one way to give a soft body a velocity, and to read it.
 
-Blender has no property for the velocity of a vertex. Its simulations read the state of a frame from a file when there is
-one, and go on from what they read; that makes a frame a function from state to state. A file is "BPHYSICS", the kind of
-simulation, the number of points and a mask of what is kept of each, then an array for each of these in float32.
+Blender has no property for the velocity of a vertex. Its simulations read the state of a frame from a file when there
+is one, and go on from what they read; that makes a frame a function from state to state. A file is "BPHYSICS", the kind
+of simulation, the number of points and a mask of what is kept of each, then so many float32 a point.
 """
 
 from __future__ import annotations
