@@ -30,8 +30,8 @@ class Cage:
     ----------
     nodes : (V, 3) [m]
         Corners of voxels at rest.
-    voxels : (C, 8)
-        Rows of `nodes`; corner i of a voxel is at the bits of i (x y z).
+    voxels : (C, 8) or (C, 4)
+        Rows of `nodes`; corner i of a voxel is at the bits of i (x y z). The corners of a quad go round.
     parity : (C, 3)
         Of a voxel's place along each axis, 0 or 1.
     corners : (N, 8)

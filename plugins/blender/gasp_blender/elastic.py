@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import gather, scatter
+from gasp_blender.cloth import TENSION, cloth
 from gasp_blender.contact import Bonds, touch
 from gasp_blender.grip import held_nodes, rigid_motion
 from gasp_blender.matter import Matter, node_velocities
-from gasp_blender.softbody import SLOWEST, SPRING, SoftBody
+from gasp_blender.softbody import SPRING, soft_body
+from gasp_blender.stepping import SLOWEST
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
 from gasp_core.errors import SceneError
@@ -49,7 +51,8 @@ class Elastic:
         self._origin = (nodes.min(axis=0) + nodes.max(axis=0)) / 2
         self._length = spacing
         self._unit = CALM * matter.stable_step
-        masses = SPRING * matter.masses * self._length / (matter.forces * self._unit**2)
+        bears = TENSION if matter.is_cloth else SPRING
+        masses = bears * matter.masses * self._length / (matter.forces * self._unit**2)
         if masses.max() > _HEAVIEST:
             raise SceneError(
                 f"the stiffest body makes steps of {self._unit:.3g} s, too short for the softest or heaviest"
@@ -57,10 +60,14 @@ class Elastic:
                 " stiffness over density, or simulate them apart"
             )
         gravity = np.asarray(problem.gravity) * self._unit**2 / self._length
-        self._body = SoftBody((nodes - self._origin) / self._length, matter.edges, masses, gravity)
+        places = (nodes - self._origin) / self._length
+        if matter.is_cloth:
+            self._body = cloth(places, matter.cage.voxels, float(masses.mean()), gravity)
+        else:
+            self._body = soft_body(places, matter.edges, masses, gravity)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         self._state = np.zeros((len(nodes), 6), np.float32)
-        self._state[:, :3] = (nodes - self._origin) / self._length
+        self._state[:, :3] = places
         self._state[:, 3:] = velocities * self._unit / self._length
         count = len(problem.colliders)
         self._bonds = Bonds(bound=np.zeros((count, len(nodes)), dtype=bool), anchors=np.zeros((count, len(nodes), 3)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.elastic import CALM, Elastic
-from gasp_blender.matter import Matter, elastic_matter
+from gasp_blender.matter import Matter, cloth_matter, elastic_matter
 from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
@@ -57,7 +57,8 @@ class Blender:
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
         spacing = accuracy.spacing_for(problem.points)
         _refuse_starts_inside(problem, spacing)
-        matter = elastic_matter(problem, spacing, chosen.voxels)
+        build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
+        matter = build(problem, spacing, chosen.voxels)
         rows = rigid_rows(problem)
         longest = _longest_step(matter, len(rows) > 0, accuracy)
         parts: list[tuple[Array, Elastic | RigidBodies]] = []

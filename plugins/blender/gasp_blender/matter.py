@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,14 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, build_cage, gather, scatter
+from gasp_blender.sheet import build_sheet, quad_edges
 from gasp_blender.springs import fastest_pulse, spring_edges, spring_force
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Elastic
+from gasp_core.errors import SceneError
 
-__all__ = ["Matter", "elastic_matter", "node_velocities"]
+__all__ = ["Matter", "cloth_matter", "elastic_matter", "node_velocities"]
 
 Array = NDArray[Any]
 
+CLOTH_STEP = 1 / 12
+"""Of cloth [s], which is stepped implicitly and bears any: a longer one flies past what it should touch."""
 _LEAST_MASS = 0.1
 """Of a cage's mean nodal mass. A node inside a hollow shell has no points and would have none."""
 _SOLVES = 600
@@ -43,7 +48,9 @@ class Matter:
     coupling : (V,) [kg]
         What the points bring to each node; 0 inside a hollow body.
     stable_step
-        Largest step [s] an undamped explicit scheme bears: two over the fastest angular frequency.
+        Largest step [s]: of an undamped explicit scheme, two over the fastest angular frequency.
+    is_cloth
+        Whether it is a net of quads.
     """
 
     rows: Array
@@ -54,16 +61,21 @@ class Matter:
     point_masses: Array
     coupling: Array
     stable_step: float
+    is_cloth: bool = False
 
 
 def elastic_matter(problem: PointProblem, spacing: float, most_voxels: int) -> Matter | None:
-    """All bodies of elastic material; None where there are none."""
+    """All bodies of elastic material in cages; None where there are none."""
+    return _joined(problem, lambda rows: _one_body(problem, rows, spacing, most_voxels))
+
+
+def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter | None:
     kinds = np.array([isinstance(material, Elastic) for material in problem.materials])
     chosen = np.flatnonzero(kinds[problem.points.material_ids])
     if len(chosen) == 0:
         return None
     bodies = problem.points.body_ids[chosen]
-    parts = [_one_body(problem, chosen[bodies == body], spacing, most_voxels) for body in np.unique(bodies)]
+    parts = [build(chosen[bodies == body]) for body in np.unique(bodies)]
     starts = np.cumsum([0] + [len(part.masses) for part in parts])
     cage = Cage(
         nodes=np.concatenate([part.cage.nodes for part in parts]),
@@ -81,6 +93,51 @@ def elastic_matter(problem: PointProblem, spacing: float, most_voxels: int) -> M
         point_masses=np.concatenate([part.point_masses for part in parts]),
         coupling=np.concatenate([part.coupling for part in parts]),
         stable_step=min(part.stable_step for part in parts),
+        is_cloth=parts[0].is_cloth,
+    )
+
+
+def cloth_matter(problem: PointProblem, spacing: float, most_quads: int) -> Matter | None:
+    """All bodies of elastic material as nets of cloth; None where there are none.
+
+    Raises
+    ------
+    SceneError
+        Where a body is no sheet, or bodies are of different materials.
+    """
+    return _joined(problem, lambda rows: _one_sheet(problem, rows, spacing, most_quads))
+
+
+def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: int) -> Matter:
+    points = problem.points
+    volumes = points.reference_volumes[rows]
+    materials = {problem.materials[number] for number in points.material_ids}
+    body = int(points.body_ids[rows[0]])
+    if len(materials) > 1:
+        raise SceneError("blender's cloth has one material in a scene: simulate them apart, or use elastic = cage")
+    margin = float(np.mean(volumes) ** (1 / 3)) / 2
+    try:
+        sheet, thickness = build_sheet(points.reference_positions[rows], margin, spacing, most_quads)
+    except ValueError as error:
+        raise SceneError(
+            f"body {body} is no sheet across an axis, {error}: cloth wants one that is at most a quarter as thick as it"
+            " is wide; turn it, or use elastic = cage"
+        ) from None
+    point_masses = problem.masses[rows]
+    edges = quad_edges(sheet.voxels)
+    length = float(np.linalg.norm(sheet.nodes[edges[:, 1]] - sheet.nodes[edges[:, 0]], axis=1).mean())
+    force = 0.75 * getattr(problem.materials[points.material_ids[rows[0]]], "youngs_modulus", 0.0) * thickness * length
+    count = len(sheet.nodes)
+    return Matter(
+        rows=rows,
+        cage=sheet,
+        edges=edges,
+        masses=np.full(count, point_masses.sum() / count),
+        forces=np.full(count, force),
+        point_masses=point_masses,
+        coupling=scatter(sheet, point_masses),
+        stable_step=CLOTH_STEP,
+        is_cloth=True,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from gasp_core.errors import SceneError
 
@@ -15,12 +16,17 @@ class BlenderOptions:
 
     Parameters
     ----------
+    elastic
+        What elastic bodies are: cages of springs, or, for thin sheets, cloth.
     voxels
-        Most voxels in the cage of one body; where the resolution asks for more, the cage is coarser.
+        Most voxels (quads) in the cage of one body; where the resolution asks for more, the cage is coarser.
     """
 
+    elastic: Literal["cage", "cloth"] = "cage"
     voxels: int = 1000
 
     def __post_init__(self) -> None:
+        if self.elastic not in ("cage", "cloth"):
+            raise SceneError(f"BlenderOptions.elastic must be cage or cloth, found {self.elastic!r}")
         if type(self.voxels) is not int or self.voxels < 1:
             raise SceneError(f"BlenderOptions.voxels must be a whole number >= 1, found {self.voxels!r}")

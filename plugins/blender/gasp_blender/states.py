@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CLOTH", "SOFT_BODY", "StateFiles"]
+__all__ = ["CLOTH", "Kind", "SOFT_BODY", "StateFiles"]
 
 Array = NDArray[Any]
 
@@ -24,7 +24,7 @@ _HEADER = struct.Struct("<III")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Kind:
+class Kind:
     """Number of a kind of simulation, mask of what it keeps, and how many floats of each point that is."""
 
     number: int
@@ -32,9 +32,9 @@ class _Kind:
     width: int
 
 
-SOFT_BODY = _Kind(number=0, mask=0b110, width=6)
+SOFT_BODY = Kind(number=0, mask=0b110, width=6)
 """Place and velocity."""
-CLOTH = _Kind(number=2, mask=0b10110, width=9)
+CLOTH = Kind(number=2, mask=0b10110, width=9)
 """Place, velocity, and where the vertex is pinned."""
 
 
@@ -54,26 +54,29 @@ class StateFiles:
 
     folder: Path
     name: str
-    kind: _Kind
+    kind: Kind
 
     def path(self, frame: int) -> Path:
         """Where the state of a frame lies."""
         return self.folder / f"{self.name}_{frame:06d}_00.bphys"
 
     def read(self, frame: int) -> Array:
-        """State (V, width) float32 of a frame."""
+        """Places and velocities (V, 6) float32 of a frame."""
         data = self.path(frame).read_bytes()
         kind, count, mask = _HEADER.unpack_from(data, len(_MAGIC))
         width = self.kind.width
         start = len(_MAGIC) + _HEADER.size
         if data[: len(_MAGIC)] != _MAGIC or (kind, mask) != (self.kind.number, self.kind.mask):
             raise RuntimeError(f"Blender wrote a state of kind {kind}, {mask:b}, expected {self.kind}")
-        return np.frombuffer(data, np.float32, count * width, start).reshape(count, width).copy()
+        return np.frombuffer(data, np.float32, count * width, start).reshape(count, width)[:, :6].copy()
 
     def write(self, frame: int, state: Array) -> None:
-        """Put a state (V, width) in the place of what Blender kept of a frame."""
+        """Put places and velocities (V, 6) in the place of what Blender kept of a frame."""
+        # What cloth keeps besides is where it is pinned, which is nowhere.
+        kept = np.zeros((len(state), self.kind.width), np.float32)
+        kept[:, :6] = state
         header = _HEADER.pack(self.kind.number, len(state), self.kind.mask)
-        self.path(frame).write_bytes(_MAGIC + header + np.ascontiguousarray(state, np.float32).tobytes())
+        self.path(frame).write_bytes(_MAGIC + header + kept.tobytes())
 
     def forget(self, frame: int) -> None:
         """Remove the state of a frame."""
