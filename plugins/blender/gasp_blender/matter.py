@@ -120,7 +120,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
         sheet, thickness = build_sheet(points.reference_positions[rows], margin, spacing, most_quads)
     except ValueError as error:
         raise SceneError(
-            f"body {body} is no sheet across an axis, {error}: cloth wants one that is at most a quarter as thick as it"
+            f"body {body} is no sheet across an axis, {error}: cloth wants one that is at most a third as thick as it"
             " is wide; turn it, or use elastic = cage"
         ) from None
     point_masses = problem.masses[rows]

@@ -13,7 +13,7 @@ __all__ = ["build_sheet", "quad_edges"]
 
 Array = NDArray[Any]
 
-_FLAT = 0.25
+_FLAT = 1 / 3
 """Of a body's second size, how thick it may be to be a sheet."""
 
 

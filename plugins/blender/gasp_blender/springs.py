@@ -4,8 +4,9 @@ Blender's springs pull along their length with a force in proportion to their st
 object: k = a / l of a spring of length l, a being a force [N]. Springs along the edges of voxels and across their faces
 alone are too soft in shear by a sixth; with one of the four diagonals of each voxel, in turn, the network is isotropic
 to a twentieth (Zener's ratio 1.05). A network of central forces has Cauchy's symmetry and so Poisson's ratio 1/4,
-whatever is asked for (Love 1927, note B): the force is chosen so that the network's energy under uniaxial stress is
-that of the material, E eps^2 / 2 a volume, averaged over the axes.
+whatever is asked for (Love 1927, note B). The force is chosen so that the network's energy is that of the material,
+E eps^2 / 2 a volume, when it is stretched along its longest side: the springs in its surface bear as much as those
+within and stand for half as much matter, so that a slender body is stiffer along than across.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ POISSONS_RATIO = 0.25
 _BITS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 _PAIRS = np.array([(a, b) for a in range(8) for b in range(a + 1, 8) if np.abs(_BITS[a] - _BITS[b]).sum() <= 2])
 _DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
+_EQUAL = 0.05
+"""Sides that differ by less are equally long."""
 _ROUNDS = 60
 
 
@@ -56,7 +59,9 @@ def spring_force(nodes: Array, edges: Array, youngs_modulus: float, volume: floa
     along = directions**2
     # n . eps n under unit strain along each axis in turn, the others narrowing.
     strains = (1 + POISSONS_RATIO) * along - POISSONS_RATIO
-    energy = float(np.mean((lengths[:, None] * strains**2).sum(axis=0)))
+    sizes = np.ptp(nodes, axis=0)
+    longest = sizes >= (1 - _EQUAL) * sizes.max()
+    energy = float(np.mean((lengths[:, None] * strains**2).sum(axis=0)[longest]))
     return youngs_modulus * volume / energy
 
 
