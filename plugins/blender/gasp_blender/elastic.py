@@ -14,7 +14,7 @@ from gasp_blender.cloth import TENSION, cloth
 from gasp_blender.contact import Bonds, touch
 from gasp_blender.grip import held_nodes, rigid_motion
 from gasp_blender.matter import Matter, node_velocities
-from gasp_blender.softbody import SPRING, soft_body
+from gasp_blender.softbody import SPRING, Gusts, soft_body
 from gasp_blender.stepping import SLOWEST
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
@@ -42,9 +42,17 @@ class Elastic:
         What is simulated, and the network that stands for it.
     spacing
         Length of a voxel [m].
+    turbulence
+        Root mean square acceleration [m/s^2], length [m] and seed; None for still air.
     """
 
-    def __init__(self, problem: PointProblem, matter: Matter, spacing: float) -> None:
+    def __init__(
+        self,
+        problem: PointProblem,
+        matter: Matter,
+        spacing: float,
+        turbulence: tuple[float, float, int] | None = None,
+    ) -> None:
         self._problem = problem
         self._matter = matter
         nodes = matter.cage.nodes
@@ -64,7 +72,12 @@ class Elastic:
         if matter.is_cloth:
             self._body = cloth(places, matter.cage.voxels, float(masses.mean()), gravity)
         else:
-            self._body = soft_body(places, matter.edges, masses, gravity)
+            gusts = None
+            if turbulence is not None:
+                acceleration, size, seed = turbulence
+                force = acceleration * self._unit**2 / self._length * float(masses.mean())
+                gusts = Gusts(force=force, size=size / self._length, seed=seed)
+            self._body = soft_body(places, matter.edges, masses, gravity, gusts)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         self._state = np.zeros((len(nodes), 6), np.float32)
         self._state[:, :3] = places

@@ -64,7 +64,8 @@ class Blender:
         parts: list[tuple[Array, Elastic | RigidBodies]] = []
         try:
             if matter is not None:
-                parts.append((matter.rows, Elastic(problem, matter, spacing)))
+                gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
+                parts.append((matter.rows, Elastic(problem, matter, spacing, gusts)))
             if len(rows):
                 parts.append((rows, RigidBodies(problem, rows)))
             time = 0.0 if restart is None else _restored(restart, parts)

@@ -11,6 +11,7 @@ frame rate; `speed` is the only clock they have.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,21 +20,33 @@ from numpy.typing import NDArray
 from gasp_blender.meshes import mesh_object, weigh
 from gasp_blender.states import SOFT_BODY
 from gasp_blender.stepping import Stepper
-from gasp_blender.studio import new_scene, quiet
+from gasp_blender.studio import evaluated, new_name, new_scene, quiet, studio
 
-__all__ = ["GRAVITY", "SPRING", "soft_body"]
+__all__ = ["GRAVITY", "SPRING", "Gusts", "soft_body"]
 
 Array = NDArray[Any]
 
 GRAVITY = 1000.0
 """Blender's gravity of one accelerates soft bodies and cloth by a thousandth."""
+_TURBULENCE = 1.25e-4
+"""Root mean square force of a turbulence of strength one on a vertex of a soft body without friction, over its cells;
+with friction it has the other sign."""
 _PULL = 2.0**-10
 SPRING = float(np.float32(1) / (np.float32(1) - np.float32(_PULL)) - np.float32(1))
 """Force of a spring at a strain of one: p / (1 - p) of pull and push, with Blender's own rounding. Small, because
 Blender's masses end at 5e4."""
 
 
-def soft_body(places: Array, edges: Array, masses: Array, gravity: Array) -> Stepper:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gusts:
+    """Blender's turbulence: root mean square force on a vertex, length over which it changes, and seed."""
+
+    force: float
+    size: float
+    seed: int
+
+
+def soft_body(places: Array, edges: Array, masses: Array, gravity: Array, gusts: Gusts | None = None) -> Stepper:
     """A soft body without goal, drag or damping.
 
     Parameters
@@ -46,6 +59,8 @@ def soft_body(places: Array, edges: Array, masses: Array, gravity: Array) -> Ste
         Times the square of the unit of time, so that force over mass is in voxels per squared unit.
     gravity : (3,)
         In voxels per squared unit of time.
+    gusts
+        None for still air.
     """
     with quiet():
         scene = new_scene()
@@ -63,4 +78,22 @@ def soft_body(places: Array, edges: Array, masses: Array, gravity: Array) -> Ste
         # One step a frame, whatever Blender thinks of its error: a step that it repeats or adds shifts the clock.
         settings.step_min = settings.step_max = 1
         settings.error_threshold = 10.0
+        if gusts is not None:
+            _add_turbulence(scene, gusts)
         return Stepper(scene, modifier, "speed", SOFT_BODY)
+
+
+def _add_turbulence(scene: Any, gusts: Gusts) -> None:
+    bpy, _ = studio()
+    source = bpy.data.objects.new(new_name("gasp-gusts"), None)
+    scene.collection.objects.link(source)
+    evaluated(scene, 0)
+    with bpy.context.temp_override(object=source, active_object=source, scene=scene):
+        bpy.ops.object.forcefield_toggle()
+    field = source.field
+    field.type = "TURBULENCE"
+    field.strength = gusts.force / _TURBULENCE
+    field.size = gusts.size
+    # Flow would brake what moves, and noise would differ from run to run.
+    field.flow = field.noise = 0.0
+    field.seed = 1 + gusts.seed % 128
