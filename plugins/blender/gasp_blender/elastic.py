@@ -77,7 +77,7 @@ class Elastic:
                 acceleration, size, seed = turbulence
                 force = acceleration * self._unit**2 / self._length * float(masses.mean())
                 gusts = Gusts(force=force, size=size / self._length, seed=seed)
-            self._body = soft_body(places, matter.edges, matter.weights, masses, gravity, gusts)
+            self._body = soft_body(places, matter.edges, masses, gravity, gusts)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         self._state = np.zeros((len(nodes), 6), np.float32)
         self._state[:, :3] = places

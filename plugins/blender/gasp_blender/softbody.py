@@ -46,9 +46,7 @@ class Gusts:
     seed: int
 
 
-def soft_body(
-    places: Array, edges: Array, weights: Array, masses: Array, gravity: Array, gusts: Gusts | None = None
-) -> Stepper:
+def soft_body(places: Array, edges: Array, masses: Array, gravity: Array, gusts: Gusts | None = None) -> Stepper:
     """A soft body without goal, drag or damping.
 
     Parameters
@@ -56,9 +54,7 @@ def soft_body(
     places : (V, 3)
         At rest, in voxels.
     edges : (E, 2)
-        Springs; each bears a force of `SPRING` at a strain of one, times its weight.
-    weights : (V,)
-        In (0, 1]; a spring's is the fourth power of its ends' mean.
+        Springs; each bears a force of `SPRING` at a strain of one.
     masses : (V,)
         Times the square of the unit of time, so that force over mass is in voxels per squared unit.
     gravity : (3,)
@@ -76,8 +72,7 @@ def soft_body(
         settings.use_edges = True
         settings.pull = settings.push = _PULL
         settings.mass = float(masses.max())
-        settings.vertex_group_mass = weigh(body, "mass", masses / masses.max())
-        settings.vertex_group_spring = weigh(body, "springs", weights)
+        settings.vertex_group_mass = weigh(body, masses / masses.max())
         # Left at their defaults these brake a free fall.
         settings.friction = settings.damping = 0.0
         # One step a frame, whatever Blender thinks of its error: a step that it repeats or adds shifts the clock.
