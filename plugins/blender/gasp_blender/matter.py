@@ -115,7 +115,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
     body = int(points.body_ids[rows[0]])
     if len(materials) > 1:
         raise SceneError("blender's cloth has one material in a scene: simulate them apart, or use elastic = cage")
-    margin = float(np.mean(volumes) ** (1 / 3)) / 2
+    margin = _half_side(points.reference_positions[rows], volumes)
     try:
         sheet, thickness = build_sheet(points.reference_positions[rows], margin, spacing, most_quads)
     except ValueError as error:
@@ -144,7 +144,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
 def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: int) -> Matter:
     points = problem.points
     volumes = points.reference_volumes[rows]
-    margin = float(np.mean(volumes) ** (1 / 3)) / 2
+    margin = _half_side(points.reference_positions[rows], volumes)
     cage = build_cage(points.reference_positions[rows], margin, spacing, most_voxels)
     edges = spring_edges(cage)
     moduli = np.array([getattr(material, "youngs_modulus", 0.0) for material in problem.materials])
@@ -164,6 +164,11 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
         coupling=coupling,
         stable_step=2 / fastest_pulse(cage.nodes, edges, force, masses),
     )
+
+
+def _half_side(positions: Array, volumes: Array) -> float:
+    """Half the side of the cube that a place stands for [m]; points at one place share it."""
+    return float((volumes.sum() / len(np.unique(positions, axis=0))) ** (1 / 3)) / 2
 
 
 def node_velocities(matter: Matter, velocities: Array) -> Array:
