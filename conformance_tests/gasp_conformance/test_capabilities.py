@@ -107,11 +107,14 @@ STRESSES: Mapping[type[Material], Callable[[Array], Array]] = {
 Solid = Elastic | NeoHookean | Snow
 
 
-def rings(ledger: Ledger, subject: Subject, material: Solid) -> None:
-    """Density, Young's modulus and Poisson's ratio, by how free bodies ring."""
+def shears(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and shear modulus, by how a free plate rings; half as much again as grids of the second order leave."""
     shear = material_cases.block_shears_and_returns(subject, material)
-    # Half as much again as what grids of the second order leave: roundness of a ball, and bodies that start at rest.
     ledger.at_most(f"{material.kind} plate in shear", "frequency error", shear.error, shear.dispersion)
+
+
+def breathes(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and bulk modulus, by how a free ball rings; as for shear, and for a ball that is not quite round."""
     breath = material_cases.ball_breathes(subject, material)
     ledger.at_most(f"{material.kind} ball that breathes", "frequency error", breath.error, breath.dispersion)
 
@@ -129,18 +132,44 @@ def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
     assert apart > 3 * allowed
 
 
-@check("material:elastic", Level.CAPABILITY)
-def test_elastic(subject: Subject, ledger: Ledger) -> None:
-    """Rings as its density, stiffness and Poisson's ratio say, and stays fixed-corotated where it stretches far."""
-    rings(ledger, subject, Elastic(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    stretches(ledger, subject, Elastic(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.0))
+RINGING = {"density": 700.0, "youngs_modulus": 2.3e4, "poissons_ratio": 0.42}
+FAR = RINGING | {"poissons_ratio": 0.0}
 
 
-@check("material:neo-hookean", Level.CAPABILITY)
-def test_neo_hookean(subject: Subject, ledger: Ledger) -> None:
-    """Rings as its density, stiffness and Poisson's ratio say, and stays neo-Hookean where it stretches far."""
-    rings(ledger, subject, NeoHookean(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    stretches(ledger, subject, NeoHookean(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.0))
+@check("material:elastic[shear]", Level.CAPABILITY)
+def test_elastic_in_shear(subject: Subject, ledger: Ledger) -> None:
+    """A plate rings as its density, stiffness and Poisson's ratio say."""
+    shears(ledger, subject, Elastic(**RINGING))
+
+
+@check("material:elastic[bulk]", Level.CAPABILITY)
+def test_elastic_in_bulk(subject: Subject, ledger: Ledger) -> None:
+    """A ball breathes as its density, stiffness and Poisson's ratio say."""
+    breathes(ledger, subject, Elastic(**RINGING))
+
+
+@check("material:elastic[large strain]", Level.CAPABILITY)
+def test_elastic_at_large_strain(subject: Subject, ledger: Ledger) -> None:
+    """It stays fixed-corotated where it stretches far."""
+    stretches(ledger, subject, Elastic(**FAR))
+
+
+@check("material:neo-hookean[shear]", Level.CAPABILITY)
+def test_neo_hookean_in_shear(subject: Subject, ledger: Ledger) -> None:
+    """A plate rings as its density, stiffness and Poisson's ratio say."""
+    shears(ledger, subject, NeoHookean(**RINGING))
+
+
+@check("material:neo-hookean[bulk]", Level.CAPABILITY)
+def test_neo_hookean_in_bulk(subject: Subject, ledger: Ledger) -> None:
+    """A ball breathes as its density, stiffness and Poisson's ratio say."""
+    breathes(ledger, subject, NeoHookean(**RINGING))
+
+
+@check("material:neo-hookean[large strain]", Level.CAPABILITY)
+def test_neo_hookean_at_large_strain(subject: Subject, ledger: Ledger) -> None:
+    """It stays neo-Hookean where it stretches far."""
+    stretches(ledger, subject, NeoHookean(**FAR))
 
 
 @check("material:sand[no tension]", Level.CAPABILITY)
@@ -273,8 +302,9 @@ def test_foam_relaxes(subject: Subject, ledger: Ledger) -> None:
 def test_snow_is_elastic_within_its_box(subject: Subject, ledger: Ledger) -> None:
     """Where its box of stretches is wide, rings as its density, stiffness and Poisson's ratio say, and stays
     fixed-corotated where it stretches far."""
-    wide = material_cases.unyielding(Snow(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    rings(ledger, subject, wide)
+    wide = material_cases.unyielding(Snow(**RINGING))
+    shears(ledger, subject, wide)
+    breathes(ledger, subject, wide)
     stretches(ledger, subject, replace(wide, poissons_ratio=0.0))
 
 

@@ -38,6 +38,8 @@ class Cage:
         Rows of `nodes` around each point.
     weights : (N, 8)
         Trilinear, >= 0, sum 1.
+    coarseness
+        Size of the voxels over the one asked for, >= 1; of several bodies, that of the coarsest.
     """
 
     nodes: Array
@@ -45,6 +47,7 @@ class Cage:
     parity: Array
     corners: Array
     weights: Array
+    coarseness: float
 
 
 def build_cage(positions: Array, margin: float, spacing: float, most_voxels: int) -> Cage:
@@ -62,7 +65,7 @@ def build_cage(positions: Array, margin: float, spacing: float, most_voxels: int
     """
     low = positions.min(axis=0) - margin
     size = positions.max(axis=0) + margin - low
-    spacing = max(spacing, float(size.max()) / _MOST_ALONG)
+    asked, spacing = spacing, max(spacing, float(size.max()) / _MOST_ALONG)
     while True:
         counts = np.maximum(np.rint(size / spacing), 1).astype(np.int64)
         cells = np.minimum(((positions - low) / size * counts).astype(np.int64), counts - 1)
@@ -77,7 +80,14 @@ def build_cage(positions: Array, margin: float, spacing: float, most_voxels: int
     own = np.unique(np.concatenate([occupied, cells]), axis=0, return_inverse=True)[1].reshape(-1)[len(occupied) :]
     inside = (positions - low) / spaces - cells
     weights = np.where(_CORNERS, inside[:, None], 1 - inside[:, None]).prod(axis=2)
-    return Cage(nodes=low + places * spaces, voxels=voxels, parity=occupied % 2, corners=voxels[own], weights=weights)
+    return Cage(
+        nodes=low + places * spaces,
+        voxels=voxels,
+        parity=occupied % 2,
+        corners=voxels[own],
+        weights=weights,
+        coarseness=spacing / asked,
+    )
 
 
 def gather(cage: Cage, values: Array) -> Array:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from gasp_blender.elastic import CALM, Elastic
 from gasp_blender.matter import Matter, cloth_matter, elastic_matter
+from gasp_blender.notices import notices
 from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
+from gasp_blender.starts import starts_inside
 from gasp_blender.studio import studio
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
-from gasp_core.engine.forcing import Side
 from gasp_core.errors import SceneError
 
 __all__ = ["Blender"]
@@ -56,10 +57,11 @@ class Blender:
         """
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
         spacing = accuracy.spacing_for(problem.points)
-        _refuse_starts_inside(problem, spacing)
+        rows = rigid_rows(problem)
+        told = [*starts_inside(problem, spacing, rows)]
         build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
         matter = build(problem, spacing, chosen.voxels)
-        rows = rigid_rows(problem)
+        told += notices(problem, matter, spacing, chosen.voxels)
         longest = _longest_step(matter, len(rows) > 0, accuracy)
         parts: list[tuple[Array, Elastic | RigidBodies]] = []
         try:
@@ -73,7 +75,7 @@ class Blender:
             for _, part in parts:
                 part.close()
             raise
-        return BlenderSession(problem, parts, longest, accuracy, time)
+        return BlenderSession(problem, parts, longest, accuracy, time, told)
 
 
 def _longest_step(matter: Matter | None, rigid: bool, accuracy: EngineAccuracy) -> float:
@@ -98,15 +100,3 @@ def _restored(restart: Mapping[str, Array], parts: list[tuple[Array, Elastic | R
     for _, part in parts:
         part.restore(restart)
     return float(restart["time"])
-
-
-def _refuse_starts_inside(problem: PointProblem, spacing: float) -> None:
-    """Refuse points that start deeper in a collider than a voxel: Blender throws out what does."""
-    for number, collider in enumerate(problem.colliders, start=1):
-        sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
-        depth = -sign * collider.shape.signed_distance(problem.points.reference_positions)
-        if depth.max() > spacing:
-            raise SceneError(
-                f"{int((depth > spacing).sum())} point(s), first {int(np.argmax(depth > spacing))}, start up to"
-                f" {depth.max():.3g} m inside collider {number}: move the object, or the collider"
-            )

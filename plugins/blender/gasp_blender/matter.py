@@ -83,6 +83,7 @@ def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter |
         parity=np.concatenate([part.cage.parity for part in parts]),
         corners=np.concatenate([part.cage.corners + start for part, start in zip(parts, starts)]),
         weights=np.concatenate([part.cage.weights for part in parts]),
+        coarseness=max(part.cage.coarseness for part in parts),
     )
     return Matter(
         rows=np.concatenate([part.rows for part in parts]),

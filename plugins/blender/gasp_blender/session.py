@@ -54,6 +54,8 @@ class BlenderSession:
         With the rows of their points.
     longest_step
         Largest substep [s].
+    notices
+        For the user: warnings of the first report.
     """
 
     def __init__(
@@ -63,12 +65,14 @@ class BlenderSession:
         longest_step: float,
         accuracy: EngineAccuracy,
         time: float,
+        notices: Sequence[str] = (),
     ) -> None:
         self._problem = problem
         self._parts: Sequence[tuple[Array, Part]] | None = parts
         self._longest = longest_step
         self._accuracy = accuracy
         self._time = time
+        self._notices = tuple(notices)
         self._events = event_times(problem.drives, problem.force_fields)
 
     @property
@@ -89,7 +93,8 @@ class BlenderSession:
             raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
         steps: list[float] = []
         status = Status.OK
-        warnings: list[str] = []
+        warnings = list(self._notices)
+        self._notices = ()
         while self._time < time and status is Status.OK:
             later = self._events[self._events > self._time]
             landing = min(time, float(later[0])) if len(later) else time

@@ -52,6 +52,7 @@ def build_sheet(positions: Array, margin: float, spacing: float, most_quads: int
             parity=cage.parity,
             corners=merged[cage.corners],
             weights=cage.weights,
+            coarseness=cage.coarseness,
         ),
         thickness,
     )
