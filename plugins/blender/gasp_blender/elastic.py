@@ -14,7 +14,7 @@ from gasp_blender.cloth import TENSION, cloth
 from gasp_blender.contact import Bonds, touch
 from gasp_blender.grip import held_nodes, rigid_motion
 from gasp_blender.matter import Matter, node_velocities
-from gasp_blender.softbody import SPRING, Gusts, soft_body
+from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
 from gasp_blender.stepping import SLOWEST
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
@@ -29,8 +29,6 @@ CALM = 0.2
 the bound itself, what rings at a tenth of the fastest frequency is gone within three periods."""
 _NEAR = 1e-6
 """In voxels: a node as near as this touches."""
-_HEAVIEST = 4e4
-"""Blender takes masses up to 5e4."""
 
 
 class Elastic:
@@ -57,14 +55,15 @@ class Elastic:
         self._matter = matter
         nodes = matter.cage.nodes
         self._origin = (nodes.min(axis=0) + nodes.max(axis=0)) / 2
-        self._length = spacing
+        # Of the longest springs: a node is then never lighter than about 1.3 springs, with the stable step for a unit.
+        self._length = matter.cage.coarseness * spacing
         self._unit = CALM * matter.stable_step
-        bears = TENSION if matter.is_cloth else SPRING
+        bears, lightest = (TENSION, 0.0) if matter.is_cloth else (SPRING, LIGHTEST)
         masses = bears * matter.masses * self._length / (matter.forces * self._unit**2)
-        if masses.max() > _HEAVIEST:
+        if masses.max() > HEAVIEST or masses.min() < lightest:
             raise SceneError(
-                f"the stiffest body makes steps of {self._unit:.3g} s, too short for the softest or heaviest"
-                f" ({masses.max() / _HEAVIEST:.1g} times beyond Blender's range): give them more equal"
+                f"the stiffest body makes steps of {self._unit:.3g} s, and masses then go from {masses.min():.2g} to"
+                f" {masses.max():.2g}, of {lightest:g} to {HEAVIEST:g} that Blender knows: give the bodies more equal"
                 " stiffness over density, or simulate them apart"
             )
         gravity = np.asarray(problem.gravity) * self._unit**2 / self._length
@@ -77,7 +76,7 @@ class Elastic:
                 acceleration, size, seed = turbulence
                 force = acceleration * self._unit**2 / self._length * float(masses.mean())
                 gusts = Gusts(force=force, size=size / self._length, seed=seed)
-            self._body = soft_body(places, matter.edges, masses, gravity, gusts)
+            self._body = soft_body(places, matter.edges, matter.weights, masses, gravity, gusts)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         self._state = np.zeros((len(nodes), 6), np.float32)
         self._state[:, :3] = places

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, build_cage, gather, scatter
 from gasp_blender.sheet import build_sheet, quad_edges
-from gasp_blender.springs import fastest_pulse, spring_edges, spring_force
+from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_weights
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Elastic
 from gasp_core.errors import SceneError
@@ -49,6 +49,8 @@ class Matter:
         What the points bring to each node; 0 inside a hollow body.
     stable_step
         Largest step [s]: of an undamped explicit scheme, two over the fastest angular frequency.
+    weights : (V,)
+        Of the nodes' springs, as Blender has them.
     is_cloth
         Whether it is a net of quads.
     """
@@ -61,6 +63,7 @@ class Matter:
     point_masses: Array
     coupling: Array
     stable_step: float
+    weights: Array
     is_cloth: bool = False
 
 
@@ -94,6 +97,7 @@ def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter |
         point_masses=np.concatenate([part.point_masses for part in parts]),
         coupling=np.concatenate([part.coupling for part in parts]),
         stable_step=min(part.stable_step for part in parts),
+        weights=np.concatenate([part.weights for part in parts]),
         is_cloth=parts[0].is_cloth,
     )
 
@@ -138,6 +142,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
         point_masses=point_masses,
         coupling=scatter(sheet, point_masses),
         stable_step=CLOTH_STEP,
+        weights=np.ones(count),
         is_cloth=True,
     )
 
@@ -150,7 +155,9 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
     edges = spring_edges(cage)
     moduli = np.array([getattr(material, "youngs_modulus", 0.0) for material in problem.materials])
     modulus = float(np.average(moduli[points.material_ids[rows]], weights=volumes))
-    force = spring_force(cage.nodes, edges, modulus, float(volumes.sum()))
+    weights = node_weights(cage)
+    shares = spring_weights(weights, edges)
+    force = spring_force(cage.nodes, edges, shares, modulus, float(volumes.sum()))
     point_masses = problem.masses[rows]
     coupling = scatter(cage, point_masses)
     masses = np.maximum(coupling, _LEAST_MASS * coupling.mean())
@@ -163,7 +170,8 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
         forces=np.full(len(masses), force),
         point_masses=point_masses,
         coupling=coupling,
-        stable_step=2 / fastest_pulse(cage.nodes, edges, force, masses),
+        stable_step=2 / fastest_pulse(cage.nodes, edges, force * shares, masses),
+        weights=weights,
     )
 
 

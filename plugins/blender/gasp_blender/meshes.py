@@ -51,9 +51,9 @@ def mesh_object(scene: Any, vertices: Array, edges: Array | None = None, faces: 
     return one
 
 
-def weigh(one: Any, weights: Array) -> str:
+def weigh(one: Any, name: str, weights: Array) -> str:
     """Name of a new vertex group with these weights (V,), each in [0, 1]."""
-    group = one.vertex_groups.new(name="mass")
+    group = one.vertex_groups.new(name=name)
     # Vertices of a regular cage share few different weights.
     for weight in np.unique(weights):
         group.add(np.flatnonzero(weights == weight).tolist(), float(weight), "REPLACE")

@@ -22,7 +22,7 @@ from gasp_blender.states import SOFT_BODY
 from gasp_blender.stepping import Stepper
 from gasp_blender.studio import evaluated, new_name, new_scene, quiet, studio
 
-__all__ = ["GRAVITY", "SPRING", "Gusts", "soft_body"]
+__all__ = ["GRAVITY", "HEAVIEST", "LIGHTEST", "SPRING", "Gusts", "soft_body"]
 
 Array = NDArray[Any]
 
@@ -31,10 +31,14 @@ GRAVITY = 1000.0
 _TURBULENCE = 1.25e-4
 """Root mean square force of a turbulence of strength one on a vertex of a soft body without friction, over its cells;
 with friction it has the other sign."""
-_PULL = 2.0**-10
+_PULL = 2.0**-6
 SPRING = float(np.float32(1) / (np.float32(1) - np.float32(_PULL)) - np.float32(1))
 """Force of a spring at a strain of one: p / (1 - p) of pull and push, with Blender's own rounding. Small, because
-Blender's masses end at 5e4."""
+masses are bounded above, and no smaller, because they are bounded below: see `Elastic`."""
+LIGHTEST = 0.01
+"""Of vertices. Blender moves a lighter one as if it had this mass, but weighs it by its own: it falls too slowly."""
+HEAVIEST = 4e4
+"""Blender takes masses up to 5e4."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +50,9 @@ class Gusts:
     seed: int
 
 
-def soft_body(places: Array, edges: Array, masses: Array, gravity: Array, gusts: Gusts | None = None) -> Stepper:
+def soft_body(
+    places: Array, edges: Array, weights: Array, masses: Array, gravity: Array, gusts: Gusts | None = None
+) -> Stepper:
     """A soft body without goal, drag or damping.
 
     Parameters
@@ -54,7 +60,9 @@ def soft_body(places: Array, edges: Array, masses: Array, gravity: Array, gusts:
     places : (V, 3)
         At rest, in voxels.
     edges : (E, 2)
-        Springs; each bears a force of `SPRING` at a strain of one.
+        Springs; each bears a force of `SPRING` at a strain of one, times its weight.
+    weights : (V,)
+        In (0, 1]; a spring's is the fourth power of its ends' mean.
     masses : (V,)
         Times the square of the unit of time, so that force over mass is in voxels per squared unit.
     gravity : (3,)
@@ -72,7 +80,8 @@ def soft_body(places: Array, edges: Array, masses: Array, gravity: Array, gusts:
         settings.use_edges = True
         settings.pull = settings.push = _PULL
         settings.mass = float(masses.max())
-        settings.vertex_group_mass = weigh(body, masses / masses.max())
+        settings.vertex_group_mass = weigh(body, "mass", masses / masses.max())
+        settings.vertex_group_spring = weigh(body, "springs", weights)
         # Left at their defaults these brake a free fall.
         settings.friction = settings.damping = 0.0
         # One step a frame, whatever Blender thinks of its error: a step that it repeats or adds shifts the clock.

@@ -5,8 +5,11 @@ object: k = a / l of a spring of length l, a being a force [N]. Springs along th
 alone are too soft in shear by a sixth; with one of the four diagonals of each voxel, in turn, the network is isotropic
 to a twentieth (Zener's ratio 1.05). A network of central forces has Cauchy's symmetry and so Poisson's ratio 1/4,
 whatever is asked for (Love 1927, note B). The force is chosen so that the network's energy is that of the material,
-E eps^2 / 2 a volume, when it is stretched along its longest side: the springs in its surface bear as much as those
-within and stand for half as much matter, so that a slender body is stiffer along than across.
+E eps^2 / 2 a volume, when it is stretched along its longest side.
+
+A spring in a body's surface stands for half as much matter as one within. Blender weighs a spring by the fourth power
+of the mean of its ends' weights: a node's is the fourth root of the share of its eight voxels that are there, which
+halves springs along a face, and is a compromise for those that lead away from one.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage
 
-__all__ = ["POISSONS_RATIO", "fastest_pulse", "spring_edges", "spring_force"]
+__all__ = ["POISSONS_RATIO", "fastest_pulse", "node_weights", "spring_edges", "spring_force", "spring_weights"]
 
 Array = NDArray[Any]
 
@@ -41,13 +44,23 @@ def spring_edges(cage: Cage) -> Array:
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def spring_force(nodes: Array, edges: Array, youngs_modulus: float, volume: float) -> float:
-    """Force a spring bears at a strain of one [N].
+def node_weights(cage: Cage) -> Array:
+    """Of each node (V,), in (0, 1]: the fourth root of the share of its voxels that are there."""
+    return (np.bincount(cage.voxels.ravel(), minlength=len(cage.nodes)) / 8) ** 0.25
+
+
+def spring_weights(weights: Array, edges: Array) -> Array:
+    """What Blender makes of them for a spring, (E,)."""
+    return weights[edges].mean(axis=1) ** 4
+
+
+def spring_force(nodes: Array, edges: Array, weights: Array, youngs_modulus: float, volume: float) -> float:
+    """Force a spring of weight one bears at a strain of one [N].
 
     Parameters
     ----------
-    nodes, edges
-        (V, 3) [m], (E, 2).
+    nodes, edges, weights
+        (V, 3) [m], (E, 2), and of springs (E,).
     youngs_modulus
         E [Pa].
     volume
@@ -61,16 +74,19 @@ def spring_force(nodes: Array, edges: Array, youngs_modulus: float, volume: floa
     strains = (1 + POISSONS_RATIO) * along - POISSONS_RATIO
     sizes = np.ptp(nodes, axis=0)
     longest = sizes >= (1 - _EQUAL) * sizes.max()
-    energy = float(np.mean((lengths[:, None] * strains**2).sum(axis=0)[longest]))
+    energy = float(np.mean(((weights * lengths)[:, None] * strains**2).sum(axis=0)[longest]))
     return youngs_modulus * volume / energy
 
 
-def fastest_pulse(nodes: Array, edges: Array, force: float, masses: Array) -> float:
-    """Angular frequency [rad/s] of the network's stiffest mode, by power iteration, masses (V,) [kg]."""
+def fastest_pulse(nodes: Array, edges: Array, forces: Array, masses: Array) -> float:
+    """Angular frequency [rad/s] of the network's stiffest mode, by power iteration.
+
+    Forces (E,) [N] are those of springs at a strain of one, masses (V,) [kg].
+    """
     spans = nodes[edges[:, 1]] - nodes[edges[:, 0]]
     lengths = np.linalg.norm(spans, axis=1)
     directions = spans / lengths[:, None]
-    stiffness = (force / lengths)[:, None]
+    stiffness = (forces / lengths)[:, None]
     # Of no symmetry, and the same in every run.
     shape = np.sin(np.arange(1.0, 3 * len(nodes) + 1) ** 2).reshape(-1, 3)
     shape /= np.linalg.norm(shape)

@@ -46,6 +46,20 @@ def test_falls_at_one_g_whatever_the_frame_rate(kit, elastic, step):
     np.testing.assert_allclose(falls, G * times * (times + step) / 2, rtol=2 * 150 * ROUNDING, atol=150 * ROUNDING)
 
 
+@pytest.mark.parametrize("cells", [(1, 1, 1), (5, 4, 3)])
+@pytest.mark.parametrize("voxels", [1000, 1])
+def test_light_nodes_fall_as_fast_as_heavy_ones(kit, cells, voxels):
+    """Blender moves a vertex lighter than 0.01 as one of 0.01: a corner of a coarse cage hung in the air."""
+    step = 1e-3
+    problem = kit.problem(kit.block(cells, 0.1), 0.1)
+    with kit.open(problem, substep=step, voxels=voxels) as session:
+        session.advance_to(20 * step)
+        speeds = session.read(EVERYTHING).velocities
+    # A place rounded by 2^-24 of half a metre is pulled back by w^2 times that, with w < 200 / s: 1.2e-4 of g.
+    expected = np.array([0.0, 0.0, -G * 20 * step])
+    np.testing.assert_allclose(speeds, np.broadcast_to(expected, speeds.shape), atol=1.2e-4 * G * 20 * step)
+
+
 def test_falls_within_a_hundredth_by_itself(kit):
     falls, _ = fallen(kit, kit.problem(sheet(kit), 0.1), [1.0])
     assert falls[0] == pytest.approx(G / 2, rel=0.01)
@@ -131,6 +145,41 @@ def test_what_starts_in_the_floor_is_refused(kit):
     problem = kit.problem(kit.block((2, 2, 2), 0.1, corner=(0, 0, -0.3)), 0.1, colliders=(Collider(shape=FLOOR),))
     with pytest.raises(SceneError, match=r"start up to 0\.275 m inside collider 1"):
         kit.open(problem)
+
+
+def test_stray_points_in_the_floor_are_told(kit):
+    points = kit.block((6, 6, 6), 0.1)
+    points[0, 2] = -0.3
+    problem = kit.problem(points, 0.1, colliders=(Collider(shape=FLOOR),))
+    with kit.open(problem) as session:
+        first, second = session.advance_to(0.01), session.advance_to(0.02)
+        assert session.read(EVERYTHING).positions[:, 2].min() > -1e-3
+    assert first.status is Status.OK and second.warnings == ()
+    assert [warning for warning in first.warnings if "1 point(s), first 0, start up to 0.3 m" in warning]
+
+
+def test_a_coarser_cage_than_asked_for_is_told(kit):
+    with kit.open(kit.problem(kit.block((4, 4, 4), 0.1), 0.1), voxels=8) as session:
+        reports = [session.advance_to(time) for time in (0.001, 0.002)]
+    assert reports[0].warnings[0].startswith("a cage has voxels of 0.2 m instead of the 0.1 m")
+    assert reports[1].warnings == ()
+
+
+def test_bodies_that_pass_through_each_other_are_told(kit):
+    from gasp_core.engine.contract import PointCloud, PointProblem
+
+    points = kit.block((1, 1, 1), 0.1)
+    cloud = PointCloud(
+        reference_positions=np.concatenate([points, points + [1.0, 0, 0]]),
+        initial_velocities=np.zeros((16, 3)),
+        reference_volumes=np.full(16, 1.25e-4),
+        material_ids=np.zeros(16),
+        body_ids=np.repeat([0, 1], 8),
+    )
+    for material, told in ((kit.rubber, 1), (Rigid(density=700.0), 0)):
+        with kit.open(PointProblem(points=cloud, materials=(material,))) as session:
+            assert len(session.advance_to(0.001).warnings) == told
+            assert session.advance_to(0.002).warnings == ()
 
 
 def test_meshes_that_are_not_finite_are_refused(kit):
