@@ -107,6 +107,12 @@ STRESSES: Mapping[type[Material], Callable[[Array], Array]] = {
 Solid = Elastic | NeoHookean | Snow
 
 
+def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and Young's modulus, by how a free bar with nu = 0 rings; the bound is as for shear."""
+    stretch = material_cases.bar_stretches_and_returns(subject, material)
+    ledger.at_most(f"{material.kind} bar along itself", "frequency error", stretch.error, stretch.dispersion)
+
+
 def shears(ledger: Ledger, subject: Subject, material: Solid) -> None:
     """Density and shear modulus, by how a free plate rings; half as much again as grids of the second order leave."""
     shear = material_cases.block_shears_and_returns(subject, material)
@@ -119,7 +125,7 @@ def breathes(ledger: Ledger, subject: Subject, material: Solid) -> None:
     ledger.at_most(f"{material.kind} ball that breathes", "frequency error", breath.error, breath.dispersion)
 
 
-def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
+def stretches_far(ledger: Ledger, subject: Subject, material: Solid) -> None:
     """The law itself, by a bar with nu = 0 that swings so far that laws part."""
     kind = type(material)
     other = Elastic if kind is NeoHookean else NeoHookean
@@ -133,7 +139,13 @@ def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
 
 
 RINGING = {"density": 700.0, "youngs_modulus": 2.3e4, "poissons_ratio": 0.42}
-FAR = RINGING | {"poissons_ratio": 0.0}
+FIBRES = RINGING | {"poissons_ratio": 0.0}
+
+
+@check("material:elastic[stretch]", Level.CAPABILITY)
+def test_elastic_in_stretch(subject: Subject, ledger: Ledger) -> None:
+    """A bar rings along itself as its density and stiffness say."""
+    stretches(ledger, subject, Elastic(**FIBRES))
 
 
 @check("material:elastic[shear]", Level.CAPABILITY)
@@ -151,7 +163,13 @@ def test_elastic_in_bulk(subject: Subject, ledger: Ledger) -> None:
 @check("material:elastic[large strain]", Level.CAPABILITY)
 def test_elastic_at_large_strain(subject: Subject, ledger: Ledger) -> None:
     """It stays fixed-corotated where it stretches far."""
-    stretches(ledger, subject, Elastic(**FAR))
+    stretches_far(ledger, subject, Elastic(**FIBRES))
+
+
+@check("material:neo-hookean[stretch]", Level.CAPABILITY)
+def test_neo_hookean_in_stretch(subject: Subject, ledger: Ledger) -> None:
+    """A bar rings along itself as its density and stiffness say."""
+    stretches(ledger, subject, NeoHookean(**FIBRES))
 
 
 @check("material:neo-hookean[shear]", Level.CAPABILITY)
@@ -169,7 +187,7 @@ def test_neo_hookean_in_bulk(subject: Subject, ledger: Ledger) -> None:
 @check("material:neo-hookean[large strain]", Level.CAPABILITY)
 def test_neo_hookean_at_large_strain(subject: Subject, ledger: Ledger) -> None:
     """It stays neo-Hookean where it stretches far."""
-    stretches(ledger, subject, NeoHookean(**FAR))
+    stretches_far(ledger, subject, NeoHookean(**FIBRES))
 
 
 @check("material:sand[no tension]", Level.CAPABILITY)
@@ -305,7 +323,7 @@ def test_snow_is_elastic_within_its_box(subject: Subject, ledger: Ledger) -> Non
     wide = material_cases.unyielding(Snow(**RINGING))
     shears(ledger, subject, wide)
     breathes(ledger, subject, wide)
-    stretches(ledger, subject, replace(wide, poissons_ratio=0.0))
+    stretches_far(ledger, subject, replace(wide, poissons_ratio=0.0))
 
 
 PRESSED = {"critical_compression": 0.05, "critical_stretch": 0.2, "hardening": 6.0}

@@ -70,6 +70,8 @@ def studio() -> tuple[Any, Path]:
         memory = _MEMORY if os.access(_MEMORY, os.W_OK) else None
         folder = Path(tempfile.mkdtemp(prefix="gasp-blender-", dir=memory))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        # Blender's own, which goes in the clearing up that is skipped.
+        atexit.register(shutil.rmtree, bpy.app.tempdir, ignore_errors=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "states.blend"), check_existing=False)
         cache = folder / "blendcache_states"
         cache.mkdir()
