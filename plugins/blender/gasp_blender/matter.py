@@ -187,18 +187,16 @@ def node_velocities(matter: Matter, velocities: Array) -> Array:
     so that a node without points of its own is not left standing, and where points have the velocities of a field that
     is linear in each voxel they end with that field: a thrown, turning body keeps its spin.
     """
-    cage, weight = matter.cage, matter.point_masses[:, None]
-
-    def normal(nodes: Array) -> Array:
-        return scatter(cage, weight * gather(cage, nodes))
-
     found = _spread(matter, velocities)
-    residual = scatter(cage, weight * velocities) - normal(found)
+    normal = _voxel_masses(matter)
+    wanted = scatter(matter.cage, matter.point_masses[:, None] * velocities)
+    residual = wanted - normal(found)
     # Scaled by the lumped mass, which is what the diagonal is within a factor of a few.
     scale = np.where(matter.coupling > 0, 1 / np.where(matter.coupling > 0, matter.coupling, 1.0), 0.0)[:, None]
     direction = scale * residual
     square = float((residual * direction).sum())
-    target = square * 1e-28
+    # Where the affine field is all there is, nothing is left to find but rounding.
+    target = float((wanted * scale * wanted).sum()) * 1e-28
     for _ in range(_SOLVES):
         if square <= target or square == 0.0:
             break
@@ -210,6 +208,29 @@ def node_velocities(matter: Matter, velocities: Array) -> Array:
         direction = scale * residual + after / square * direction
         square = after
     return found
+
+
+def _voxel_masses(matter: Matter) -> Callable[[Array], Array]:
+    """Consistent masses: what gathers velocities of nodes at the points and scatters their momenta back, by voxels.
+
+    There are hundreds of points in a voxel, and what they do between its corners is one matrix (8, 8).
+    """
+    corners, weights = matter.cage.corners, matter.cage.weights
+    # A voxel's lowest corner is the lowest of no other.
+    _, first, voxel = np.unique(corners[:, 0], return_index=True, return_inverse=True)
+    voxel = voxel.reshape(-1)
+    blocks = np.empty((len(first), 8, 8))
+    for i in range(8):
+        for j in range(i + 1):
+            products = np.bincount(voxel, matter.point_masses * weights[:, i] * weights[:, j], len(first))
+            blocks[:, i, j] = blocks[:, j, i] = products
+    rows, count = corners[first], len(matter.masses)
+
+    def momenta(nodes: Array) -> Array:
+        shares = np.einsum("gij,gjk->gik", blocks, nodes[rows])
+        return np.stack([np.bincount(rows.ravel(), shares[..., k].ravel(), count) for k in range(3)], axis=1)
+
+    return momenta
 
 
 def _spread(matter: Matter, velocities: Array) -> Array:
