@@ -25,7 +25,6 @@ def mesh_object(scene: Any, vertices: Array, edges: Array | None = None, faces: 
     SceneError
         Where a vertex is not finite or an index is of no vertex.
     """
-    bpy, _ = studio()
     vertices = np.ascontiguousarray(vertices, np.float32)
     if not np.isfinite(vertices).all():
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
@@ -33,6 +32,7 @@ def mesh_object(scene: Any, vertices: Array, edges: Array | None = None, faces: 
     for what, rows in (("edge", edges), ("face", faces)):
         if rows is not None and rows.size and (rows.min() < 0 or rows.max() >= len(vertices)):
             raise SceneError(f"a mesh for Blender has an {what} of a vertex that is not among its {len(vertices)}")
+    bpy, _ = studio()
     mesh = bpy.data.meshes.new(new_name("gasp-mesh"))
     mesh.vertices.add(len(vertices))
     mesh.vertices.foreach_set("co", vertices.ravel())

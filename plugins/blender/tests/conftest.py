@@ -1,13 +1,13 @@
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 from gasp_blender.options import BlenderOptions
 
 from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.engine.materials import Elastic
+from gasp_core.engine.registry import discover
+from gasp_core.errors import EngineEnvironmentError
 
 RUBBER = Elastic(density=1000.0, youngs_modulus=1e4, poissons_ratio=0.25)
 
@@ -60,9 +60,8 @@ def bodies():
 
 @pytest.fixture(scope="session")
 def kit():
-    """The engine, where Blender is."""
-    if importlib.util.find_spec("bpy") is None:
-        pytest.skip("bpy is not installed here: gasp engines install blender")
-    from gasp_blender.engine import Blender
-
-    return Kit(Blender())
+    """The engine as users have it, in its own environment."""
+    try:
+        return Kit(discover().load("blender"))
+    except EngineEnvironmentError as error:
+        pytest.skip(f"blender has no environment here: gasp engines install blender ({error})")
