@@ -185,6 +185,23 @@ def block_shears_and_returns(subject: Subject, material: Solid) -> Ring:
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells))
 
 
+def bar_stretches_and_returns(subject: Subject, material: Solid) -> Ring:
+    """A free bar with nu = 0 rings along itself, at half a percent of strain: tells E / rho."""
+    cells = 8
+    spacing = 1.0 / cells
+    frequency = oracles.bar_frequency(1.0, oracles.bar_speed(material.youngs_modulus, material.density))
+    bar = box_of_points(_AWAY, (cells, 1, 1), spacing)
+    shape = np.cos(math.pi * (bar[:, 0] - _AWAY[0]))
+    velocities = np.zeros_like(bar)
+    velocities[:, 0] = 0.005 / math.pi * 2 * math.pi * frequency * shape
+    problem = PointProblem(points=cloud_of([bar], [velocities], spacing), materials=(material,), gravity=NO_GRAVITY)
+    times = np.linspace(0, 1.3 / frequency, 40)[1:]
+    states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
+    amplitudes = [mode_amplitude(state.positions[:, 0] - bar[:, 0], shape) for state in states]
+    found, _ = damped_oscillation(times, np.array(amplitudes), frequency)
+    return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.pi, spacing))
+
+
 def ball_breathes(subject: Subject, material: Solid) -> Ring:
     """A free ball, 1 m wide, breathes at half a percent of strain: tells how lambda and mu go together, over rho."""
     cells = 6

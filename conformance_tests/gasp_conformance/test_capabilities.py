@@ -107,16 +107,25 @@ STRESSES: Mapping[type[Material], Callable[[Array], Array]] = {
 Solid = Elastic | NeoHookean | Snow
 
 
-def rings(ledger: Ledger, subject: Subject, material: Solid) -> None:
-    """Density, Young's modulus and Poisson's ratio, by how free bodies ring."""
+def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and Young's modulus, by how a free bar with nu = 0 rings; the bound is as for shear."""
+    stretch = material_cases.bar_stretches_and_returns(subject, material)
+    ledger.at_most(f"{material.kind} bar along itself", "frequency error", stretch.error, stretch.dispersion)
+
+
+def shears(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and shear modulus, by how a free plate rings; half as much again as grids of the second order leave."""
     shear = material_cases.block_shears_and_returns(subject, material)
-    # Half as much again as what grids of the second order leave: roundness of a ball, and bodies that start at rest.
     ledger.at_most(f"{material.kind} plate in shear", "frequency error", shear.error, shear.dispersion)
+
+
+def breathes(ledger: Ledger, subject: Subject, material: Solid) -> None:
+    """Density and bulk modulus, by how a free ball rings; as for shear, and for a ball that is not quite round."""
     breath = material_cases.ball_breathes(subject, material)
     ledger.at_most(f"{material.kind} ball that breathes", "frequency error", breath.error, breath.dispersion)
 
 
-def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
+def stretches_far(ledger: Ledger, subject: Subject, material: Solid) -> None:
     """The law itself, by a bar with nu = 0 that swings so far that laws part."""
     kind = type(material)
     other = Elastic if kind is NeoHookean else NeoHookean
@@ -129,18 +138,56 @@ def stretches(ledger: Ledger, subject: Subject, material: Solid) -> None:
     assert apart > 3 * allowed
 
 
-@check("material:elastic", Level.CAPABILITY)
-def test_elastic(subject: Subject, ledger: Ledger) -> None:
-    """Rings as its density, stiffness and Poisson's ratio say, and stays fixed-corotated where it stretches far."""
-    rings(ledger, subject, Elastic(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    stretches(ledger, subject, Elastic(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.0))
+RINGING = {"density": 700.0, "youngs_modulus": 2.3e4, "poissons_ratio": 0.42}
+FIBRES = RINGING | {"poissons_ratio": 0.0}
 
 
-@check("material:neo-hookean", Level.CAPABILITY)
-def test_neo_hookean(subject: Subject, ledger: Ledger) -> None:
-    """Rings as its density, stiffness and Poisson's ratio say, and stays neo-Hookean where it stretches far."""
-    rings(ledger, subject, NeoHookean(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    stretches(ledger, subject, NeoHookean(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.0))
+@check("material:elastic[stretch]", Level.CAPABILITY)
+def test_elastic_in_stretch(subject: Subject, ledger: Ledger) -> None:
+    """A bar rings along itself as its density and stiffness say."""
+    stretches(ledger, subject, Elastic(**FIBRES))
+
+
+@check("material:elastic[shear]", Level.CAPABILITY)
+def test_elastic_in_shear(subject: Subject, ledger: Ledger) -> None:
+    """A plate rings as its density, stiffness and Poisson's ratio say."""
+    shears(ledger, subject, Elastic(**RINGING))
+
+
+@check("material:elastic[bulk]", Level.CAPABILITY)
+def test_elastic_in_bulk(subject: Subject, ledger: Ledger) -> None:
+    """A ball breathes as its density, stiffness and Poisson's ratio say."""
+    breathes(ledger, subject, Elastic(**RINGING))
+
+
+@check("material:elastic[large strain]", Level.CAPABILITY)
+def test_elastic_at_large_strain(subject: Subject, ledger: Ledger) -> None:
+    """It stays fixed-corotated where it stretches far."""
+    stretches_far(ledger, subject, Elastic(**FIBRES))
+
+
+@check("material:neo-hookean[stretch]", Level.CAPABILITY)
+def test_neo_hookean_in_stretch(subject: Subject, ledger: Ledger) -> None:
+    """A bar rings along itself as its density and stiffness say."""
+    stretches(ledger, subject, NeoHookean(**FIBRES))
+
+
+@check("material:neo-hookean[shear]", Level.CAPABILITY)
+def test_neo_hookean_in_shear(subject: Subject, ledger: Ledger) -> None:
+    """A plate rings as its density, stiffness and Poisson's ratio say."""
+    shears(ledger, subject, NeoHookean(**RINGING))
+
+
+@check("material:neo-hookean[bulk]", Level.CAPABILITY)
+def test_neo_hookean_in_bulk(subject: Subject, ledger: Ledger) -> None:
+    """A ball breathes as its density, stiffness and Poisson's ratio say."""
+    breathes(ledger, subject, NeoHookean(**RINGING))
+
+
+@check("material:neo-hookean[large strain]", Level.CAPABILITY)
+def test_neo_hookean_at_large_strain(subject: Subject, ledger: Ledger) -> None:
+    """It stays neo-Hookean where it stretches far."""
+    stretches_far(ledger, subject, NeoHookean(**FIBRES))
 
 
 @check("material:sand[no tension]", Level.CAPABILITY)
@@ -273,9 +320,10 @@ def test_foam_relaxes(subject: Subject, ledger: Ledger) -> None:
 def test_snow_is_elastic_within_its_box(subject: Subject, ledger: Ledger) -> None:
     """Where its box of stretches is wide, rings as its density, stiffness and Poisson's ratio say, and stays
     fixed-corotated where it stretches far."""
-    wide = material_cases.unyielding(Snow(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.42))
-    rings(ledger, subject, wide)
-    stretches(ledger, subject, replace(wide, poissons_ratio=0.0))
+    wide = material_cases.unyielding(Snow(**RINGING))
+    shears(ledger, subject, wide)
+    breathes(ledger, subject, wide)
+    stretches_far(ledger, subject, replace(wide, poissons_ratio=0.0))
 
 
 PRESSED = {"critical_compression": 0.05, "critical_stretch": 0.2, "hardening": 6.0}

@@ -1,0 +1,217 @@
+"""Elastic bodies in motion: Blender steps the springs, drives, wind and contact act on the nodes around it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_blender.cage import gather, scatter
+from gasp_blender.cloth import TENSION, cloth
+from gasp_blender.contact import Bonds, touch
+from gasp_blender.grip import held_nodes, rigid_motion
+from gasp_blender.matter import Matter, node_velocities
+from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
+from gasp_blender.stepping import SLOWEST
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
+from gasp_core.errors import SceneError
+
+__all__ = ["CALM", "Elastic"]
+
+Array = NDArray[Any]
+
+CALM = 0.2
+"""Of the stable step. Blender's scheme damps an oscillation of angular frequency w at w^2 dt / 4 per unit of time: at
+the bound itself, what rings at a tenth of the fastest frequency is gone within three periods."""
+_NEAR = 1e-6
+"""In voxels: a node as near as this touches."""
+
+
+class Elastic:
+    """All elastic bodies of a problem.
+
+    Parameters
+    ----------
+    problem, matter
+        What is simulated, and the network that stands for it.
+    spacing
+        Length of a voxel [m].
+    turbulence
+        Root mean square acceleration [m/s^2], length [m] and seed; None for still air.
+    """
+
+    def __init__(
+        self,
+        problem: PointProblem,
+        matter: Matter,
+        spacing: float,
+        turbulence: tuple[float, float, int] | None = None,
+    ) -> None:
+        self._problem = problem
+        self._matter = matter
+        nodes = matter.cage.nodes
+        self._origin = (nodes.min(axis=0) + nodes.max(axis=0)) / 2
+        # Of the longest springs: a node is then never lighter than about 1.3 springs, with the stable step for a unit.
+        self._length = matter.cage.coarseness * spacing
+        self._unit = CALM * matter.stable_step
+        bears, lightest = (TENSION, 0.0) if matter.is_cloth else (SPRING, LIGHTEST)
+        masses = bears * matter.masses * self._length / (matter.forces * self._unit**2)
+        if masses.max() > HEAVIEST or masses.min() < lightest:
+            raise SceneError(
+                f"the stiffest body makes steps of {self._unit:.3g} s, and masses then go from {masses.min():.2g} to"
+                f" {masses.max():.2g}, of {lightest:g} to {HEAVIEST:g} that Blender knows: give the bodies more equal"
+                " stiffness over density, or simulate them apart"
+            )
+        gravity = np.asarray(problem.gravity) * self._unit**2 / self._length
+        places = (nodes - self._origin) / self._length
+        if matter.is_cloth:
+            self._body = cloth(places, matter.cage.voxels, float(masses.mean()), gravity)
+        else:
+            gusts = None
+            if turbulence is not None:
+                acceleration, size, seed = turbulence
+                force = acceleration * self._unit**2 / self._length * float(masses.mean())
+                gusts = Gusts(force=force, size=size / self._length, seed=seed)
+            self._body = soft_body(places, matter.edges, matter.weights, masses, gravity, gusts)
+        velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
+        self._state = np.zeros((len(nodes), 6), np.float32)
+        self._state[:, :3] = places
+        self._state[:, 3:] = velocities * self._unit / self._length
+        count = len(problem.colliders)
+        self._bonds = Bonds(bound=np.zeros((count, len(nodes)), dtype=bool), anchors=np.zeros((count, len(nodes), 3)))
+        self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
+        self._strike(0.0)
+        self._constrain(0.0)
+
+    def step(self, now: float, end: float, step: float) -> bool:
+        """From `now` to `end` [s]; False, and nothing changed, where Blender's state is not finite."""
+        self._blow(now, step)
+        before = self._state
+        speed = step / self._unit
+        after = self._body.step(before, max(speed, SLOWEST))
+        if speed < SLOWEST:
+            # The shortest step there is tells the acceleration; of that a shorter one takes its share.
+            velocities = before[:, 3:] + (after[:, 3:] - before[:, 3:]).astype(np.float64) * (speed / SLOWEST)
+            after[:, 3:] = velocities
+            after[:, :3] = before[:, :3] + velocities * speed
+        if not np.isfinite(after).all():
+            self._state = before
+            return False
+        self._state = after
+        self._strike(end)
+        self._constrain(end)
+        return True
+
+    def positions(self) -> Array:
+        """Of the points (N, 3) [m]: their places at rest, and what the nodes have moved."""
+        matter = self._matter
+        rest = self._problem.points.reference_positions[matter.rows]
+        return rest + gather(matter.cage, self._places() - matter.cage.nodes)
+
+    def velocities(self) -> Array:
+        """Of the points (N, 3) [m/s]."""
+        return gather(self._matter.cage, self._velocities())
+
+    def keep(self) -> dict[str, Array]:
+        """Everything that changes."""
+        return {
+            "state": self._state.copy(),
+            "bound": self._bonds.bound.copy(),
+            "anchors": self._bonds.anchors.copy(),
+            "grips": self._grips.copy(),
+        }
+
+    def restore(self, kept: Mapping[str, Array]) -> None:
+        """Go on from what `keep` gave.
+
+        Raises
+        ------
+        SceneError
+            Where it is of another scene.
+        """
+        own = self.keep()
+        for name, array in own.items():
+            found = np.shape(kept[name]) if name in kept else "nothing"
+            if found != array.shape:
+                raise SceneError(
+                    f"the checkpoint holds {found} for {name}, expected {array.shape}: it belongs to another scene or"
+                    " engine; start the run anew"
+                )
+        self._state = np.array(kept["state"], np.float32)
+        self._bonds = Bonds(bound=np.array(kept["bound"], dtype=bool), anchors=np.array(kept["anchors"], np.float64))
+        self._grips = np.array(kept["grips"], np.float64)
+
+    def close(self) -> None:
+        """Let go of Blender's scene."""
+        self._body.close()
+
+    def _places(self) -> Array:
+        return self._state[:, :3].astype(np.float64) * self._length + self._origin
+
+    def _velocities(self) -> Array:
+        return self._state[:, 3:].astype(np.float64) * (self._length / self._unit)
+
+    def _put(self, places: Array | None, velocities: Array | None) -> None:
+        """Write what differs, and leave the digits of all else alone."""
+        if places is not None:
+            rows = (places != self._places()).any(axis=1)
+            self._state[rows, :3] = (places[rows] - self._origin) / self._length
+        if velocities is not None:
+            rows = (velocities != self._velocities()).any(axis=1)
+            self._state[rows, 3:] = velocities[rows] * (self._unit / self._length)
+
+    def _share_within(self, inside: Array) -> Array:
+        """Which part of its matter each node has among the points `inside` (N,), (V,)."""
+        matter = self._matter
+        share = scatter(matter.cage, matter.point_masses * inside)
+        return share / np.where(matter.coupling > 0, matter.coupling, 1.0)
+
+    def _blow(self, now: float, step: float) -> None:
+        """Drag of the wind over a step, exactly: v goes to u as exp(-k t)."""
+        for wind in self._problem.force_fields:
+            if not (isinstance(wind, Wind) and wind.start <= now < wind.end):
+                continue
+            velocities = self._velocities()
+            region = wind.region
+            share = (
+                np.ones(len(velocities))
+                if region is None
+                else self._share_within(region.signed_distance(self.positions()) <= 0)
+            )
+            taken = -math.expm1(-wind.drag * step) * share[:, None]
+            self._put(None, velocities + taken * (np.asarray(wind.velocity) - velocities))
+
+    def _strike(self, now: float) -> None:
+        """Impulses that start now, on the points in their region in proportion to mass."""
+        matter = self._matter
+        masses = self._problem.masses
+        for drive in self._problem.drives:
+            if not (isinstance(drive, Impulse) and drive.start == now):
+                continue
+            struck = drive.region.signed_distance(self.positions()) <= 0
+            if not struck.any():
+                continue
+            kick = np.asarray(drive.impulse) / masses[matter.rows][struck].sum()
+            given = scatter(matter.cage, matter.point_masses * struck) / matter.masses
+            self._put(None, self._velocities() + given[:, None] * kick)
+
+    def _constrain(self, now: float) -> None:
+        """Contact, then what drives hold, which is stronger."""
+        places, velocities = self._places(), self._velocities()
+        if self._problem.colliders:
+            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, _NEAR * self._length)
+        for number, drive in enumerate(self._problem.drives):
+            if not isinstance(drive, (Pinned, Driven)):
+                continue
+            grips = self._grips[number]
+            if not drive.start <= now < drive.end:
+                grips[:] = np.nan
+                continue
+            held, grips[:] = held_nodes(drive, now, grips, places, self._share_within, self.positions())
+            if held.any():
+                places[held], velocities[held] = rigid_motion(drive, now, grips[held])
+        self._put(places, velocities)

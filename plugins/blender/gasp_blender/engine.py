@@ -1,0 +1,102 @@
+"""The engine: opens sessions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_blender.elastic import CALM, Elastic
+from gasp_blender.matter import Matter, cloth_matter, elastic_matter
+from gasp_blender.notices import notices
+from gasp_blender.options import BlenderOptions
+from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
+from gasp_blender.session import BlenderSession
+from gasp_blender.starts import starts_inside
+from gasp_blender.studio import studio
+from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.errors import SceneError
+
+__all__ = ["Blender"]
+
+Array = NDArray[Any]
+
+
+class Blender:
+    """Blender's simulations behind `gasp_core.engine.contract.PointEngine`.
+
+    Raises
+    ------
+    EngineEnvironmentError
+        Where bpy cannot be imported.
+    """
+
+    def __init__(self) -> None:
+        studio()
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        device: str,
+        precision: Precision,
+        seed: int,
+        accuracy: EngineAccuracy,
+        options: Any = None,
+        restart: Mapping[str, Array] | None = None,
+    ) -> BlenderSession:
+        """Set a problem up, or go on from a checkpoint of it.
+
+        Raises
+        ------
+        SceneError
+            Where a fixed substep is above the stable bound, or the checkpoint is of another problem.
+        """
+        chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
+        spacing = accuracy.spacing_for(problem.points)
+        rows = rigid_rows(problem)
+        told = [*starts_inside(problem, spacing, rows)]
+        build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
+        matter = build(problem, spacing, chosen.voxels)
+        told += notices(problem, matter, spacing, chosen.voxels)
+        longest = _longest_step(matter, len(rows) > 0, accuracy)
+        parts: list[tuple[Array, Elastic | RigidBodies]] = []
+        try:
+            if matter is not None:
+                gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
+                parts.append((matter.rows, Elastic(problem, matter, spacing, gusts)))
+            if len(rows):
+                parts.append((rows, RigidBodies(problem, rows)))
+            time = 0.0 if restart is None else _restored(restart, parts)
+        except BaseException:
+            for _, part in parts:
+                part.close()
+            raise
+        return BlenderSession(problem, parts, longest, accuracy, time, told)
+
+
+def _longest_step(matter: Matter | None, rigid: bool, accuracy: EngineAccuracy) -> float:
+    """Largest substep [s]."""
+    bound = math.inf if matter is None else matter.stable_step
+    if accuracy.substep is not None:
+        if accuracy.substep > bound:
+            raise SceneError(
+                f"a substep of {accuracy.substep:g} s is above the stable bound of {bound:.3g} s: leave substep out, or"
+                " lower it"
+            )
+        if rigid and accuracy.substep > 1:
+            raise SceneError(f"a substep of {accuracy.substep:g} s is above the 1 s that Bullet bears: lower it")
+        return accuracy.substep
+    return min(accuracy.substep_fraction * CALM * bound, LONGEST_STEP if rigid else math.inf)
+
+
+def _restored(restart: Mapping[str, Array], parts: list[tuple[Array, Elastic | RigidBodies]]) -> float:
+    """Set the parts to a checkpoint; its time [s]."""
+    if "time" not in restart or np.shape(restart["time"]) != ():
+        raise SceneError("the checkpoint holds no time: it belongs to another engine; start the run anew")
+    for _, part in parts:
+        part.restore(restart)
+    return float(restart["time"])

@@ -1,0 +1,165 @@
+"""Rigid bodies in motion: points ride on hulls in Blender's Bullet world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_blender.bullet import RigidWorld
+from gasp_blender.walls import wall_of
+from gasp_core.engine.contract import PointProblem
+from gasp_core.engine.forcing import ContactCondition
+from gasp_core.engine.materials import Rigid
+from gasp_core.errors import SceneError
+
+__all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]
+
+Array = NDArray[Any]
+
+LONGEST_STEP = 1 / 240
+"""Of Bullet [s]: contact is found at the end of a step, as deep as the body flew within one."""
+_DIRECTIONS = 2000
+"""In which the farthest point of a body is looked for: they span its hull."""
+_TURN = 0.5
+"""By which a body is led at most, in radians and in its own sizes: the larger, the less float32 rounds a velocity."""
+
+
+def rigid_rows(problem: PointProblem) -> Array:
+    """Rows of points of a rigid material."""
+    kinds = np.array([isinstance(material, Rigid) for material in problem.materials])
+    return np.flatnonzero(kinds[problem.points.material_ids])
+
+
+class RigidBodies:
+    """All rigid bodies of a problem.
+
+    Raises
+    ------
+    SceneError
+        Where the scene asks of them what Bullet does not do.
+    """
+
+    def __init__(self, problem: PointProblem, rows: Array) -> None:
+        _refuse(problem)
+        points = problem.points
+        bodies = points.body_ids[rows]
+        self._groups = [np.flatnonzero(bodies == body) for body in np.unique(bodies)]
+        self._rest = points.reference_positions[rows]
+        masses, velocities = problem.masses[rows], points.initial_velocities[rows]
+        sides = np.cbrt(points.reference_volumes[rows])
+        self._origin = (self._rest.min(axis=0) + self._rest.max(axis=0)) / 2
+        self._length = max(float(np.ptp(self._rest[own], axis=0).max() + sides[own].max()) for own in self._groups)
+        self._centers = np.array([np.average(self._rest[own], axis=0, weights=masses[own]) for own in self._groups])
+        self._world = RigidWorld(np.asarray(problem.gravity) / self._length)
+        for collider in problem.colliders:
+            for vertices in wall_of(collider, self._length):
+                self._world.add_wall((vertices - self._origin) / self._length, collider.friction)
+        speeds, spins = [], []
+        for own, center in zip(self._groups, self._centers):
+            arms = self._rest[own] - center
+            speed, spin = _rigid_velocity(arms, masses[own], velocities[own])
+            speeds.append(speed / self._length)
+            spins.append(spin)
+            hull = _hull(arms, float(sides[own].mean()) / 2)
+            self._world.add_body(hull / self._length, (center - self._origin) / self._length, float(masses[own].sum()))
+        fastest = max(float(np.linalg.norm(vectors, axis=1).max()) for vectors in (np.array(speeds), np.array(spins)))
+        lead = min(_TURN / fastest, 1.0) if fastest > 0 else 1.0
+        self._start = self._poses = self._world.throw(np.array(speeds), np.array(spins), lead)
+        self._speeds, self._spins = np.array(speeds) * self._length, np.array(spins)
+        self._steps: list[float] = []
+
+    def step(self, now: float, end: float, step: float) -> bool:
+        """From `now` to `end` [s]; False where Blender's state is not finite."""
+        before, after = self._poses, self._world.step(step)
+        if not np.isfinite(after).all():
+            return False
+        # Bullet moves a body by the velocity it has at the end of a step, so the difference is that velocity.
+        self._speeds = (after[:, :3, 3] - before[:, :3, 3]) * (self._length / step)
+        turns = after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)
+        twist = np.stack(
+            [turns[:, 2, 1] - turns[:, 1, 2], turns[:, 0, 2] - turns[:, 2, 0], turns[:, 1, 0] - turns[:, 0, 1]]
+        )
+        sine = np.linalg.norm(twist, axis=0) / 2
+        self._spins = (twist / 2 / np.sinc(np.arcsin(np.minimum(sine, 1.0)) / np.pi) / step).T
+        self._poses = after
+        self._steps.append(step)
+        return True
+
+    def positions(self) -> Array:
+        """Of the points (N, 3) [m]."""
+        places = np.empty_like(self._rest)
+        for own, center, start, pose in zip(self._groups, self._centers, self._start, self._poses):
+            turn = pose[:3, :3] @ start[:3, :3].T
+            shift = (pose[:3, 3] - start[:3, 3]) * self._length
+            arms = self._rest[own] - center
+            places[own] = self._rest[own] + shift + arms @ (turn - np.eye(3)).T
+        return places
+
+    def velocities(self) -> Array:
+        """Of the points (N, 3) [m/s]."""
+        velocities, positions = np.empty_like(self._rest), self.positions()
+        for number, own in enumerate(self._groups):
+            center = self._centers[number] + (self._poses[number] - self._start[number])[:3, 3] * self._length
+            velocities[own] = self._speeds[number] + np.cross(self._spins[number], positions[own] - center)
+        return velocities
+
+    def keep(self) -> dict[str, Array]:
+        """The steps taken: Bullet shows no velocities, but takes the same steps to the same bits."""
+        return {"rigid_steps": np.array(self._steps)}
+
+    def restore(self, kept: Mapping[str, Array]) -> None:
+        """Take the steps of `keep` again.
+
+        Raises
+        ------
+        SceneError
+            Where it is of another scene.
+        """
+        steps = np.asarray(kept.get("rigid_steps", np.zeros((0, 0))))
+        if steps.ndim != 1:
+            raise SceneError(
+                "the checkpoint holds no rigid_steps: it belongs to another scene or engine; start the run anew"
+            )
+        for step in steps.tolist():
+            self.step(0.0, 0.0, step)
+
+    def close(self) -> None:
+        """Let go of Blender's scene."""
+        self._world.close()
+
+
+def _refuse(problem: PointProblem) -> None:
+    if problem.drives or problem.force_fields:
+        raise SceneError(
+            "blender moves rigid bodies by weight and contact alone: leave out drives and force fields, or make the"
+            " bodies elastic"
+        )
+    for number, collider in enumerate(problem.colliders, start=1):
+        if collider.contact is not ContactCondition.SEPARATE:
+            raise SceneError(
+                f'blender\'s rigid bodies know no contact "{collider.contact.value}" (collider {number}): use'
+                ' "separate"'
+            )
+
+
+def _rigid_velocity(arms: Array, masses: Array, velocities: Array) -> tuple[Array, Array]:
+    """Velocity (3,) and angular velocity (3,) of the rigid motion with the momenta of points about their centre."""
+    mean = np.average(velocities, axis=0, weights=masses)
+    momentum = (masses[:, None] * np.cross(arms, velocities - mean)).sum(axis=0)
+    square = (masses * (arms**2).sum(axis=1)).sum() * np.eye(3)
+    inertia = square - (masses[:, None, None] * arms[:, :, None] * arms[:, None, :]).sum(axis=0)
+    # Points on a line have no inertia about it.
+    return mean, np.linalg.pinv(inertia, rcond=1e-12, hermitian=True) @ momentum
+
+
+def _hull(arms: Array, margin: float) -> Array:
+    """Points that span the hull of what the points (N, 3) stand for, each a cube with half a side of `margin`."""
+    generator = np.random.default_rng(0)
+    directions = generator.normal(size=(_DIRECTIONS, 3))
+    spanning = arms if len(arms) <= _DIRECTIONS else arms[np.unique((arms @ directions.T).argmax(axis=0))]
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * margin
+    grown = (spanning[:, None] + corners).reshape(-1, 3)
+    return grown[np.unique((grown @ directions.T).argmax(axis=0))]
