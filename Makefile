@@ -4,8 +4,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/mujoco_flex plugins/genesis_mpm plugins/renderer plugins/viewer conformance_tests
-NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-mujoco-flex gasp-genesis-mpm gasp-renderer gasp-viewer gasp-conformance
+OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/mujoco_flex plugins/genesis_mpm plugins/blender plugins/renderer plugins/viewer conformance_tests
+NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-mujoco-flex gasp-genesis-mpm gasp-blender gasp-renderer gasp-viewer gasp-conformance
 # Engines that the suite judges in `make test`, two at a time; ":" stands for a space.
 ORACLE := --oracle:reference-mpm
 QUICK := reference-mpm $(foreach engine,warp-mpm taichi-mpm,$(engine):$(ORACLE) $(engine):$(ORACLE):--precision:float64)
@@ -66,6 +66,12 @@ template: $(STAMP) ## Copy the reference engine outside the tree, build wheels, 
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each
 	@$(BIN)/python -m pytest -m slow
+
+.PHONY: test-environments
+test-environments: $(STAMP) ## Build the environments of Genesis and Blender (5 GB), and test both engines in them
+	@for engine in genesis-mpm blender; do $(BIN)/gasp engines install $$engine || exit 1; done
+	@$(BIN)/python -m pytest plugins/genesis_mpm plugins/blender
+	@for engine in genesis-mpm blender; do $(BIN)/gasp-conformance $$engine --quick || failed=1; done; exit $${failed:-0}
 
 .PHONY: bench
 bench: $(STAMP) ## Print every table the README quotes
