@@ -531,7 +531,7 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name)
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
-    notes += [f'object "{body.name}": {note}' for body in assembly.bodies if (note := body.carrier.sentence())]
+    notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     return Header(
         gasp_version=_version("gasp-core"),
         scene=scene_to_toml(scene),

@@ -90,10 +90,6 @@ class Vertices:
         """See `Carrier`."""
         return {"magnification": self.factors}
 
-    def sentence(self) -> str:
-        """See `Carrier`."""
-        return ""
-
 
 def sample_all(block: Block, floor: float, spacing: float) -> Sample:
     """All vertices of a body, edges no shorter than `floor` [m], for an engine of this spacing [m]."""

@@ -43,6 +43,8 @@ class Body:
         Its simplices.
     carrier
         How the motion of its points becomes that of its simplices.
+    notes
+        Sentences for the user about the reduction, without their subject; none in a body read from a recording.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Body:
     points: slice
     block: Block
     carrier: Carrier
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +140,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
                 points=slice(start, start + len(points)),
                 block=block,
                 carrier=sample.carrier,
+                notes=sample.notes,
             )
         )
         start += len(points)

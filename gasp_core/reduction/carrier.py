@@ -45,10 +45,6 @@ class Carrier(Protocol):
         """What a recording keeps of it, by path."""
         ...
 
-    def sentence(self) -> str:
-        """What to tell the user, without a subject; may be empty."""
-        ...
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
@@ -62,8 +58,11 @@ class Sample:
         > 0; in all, those of the cells that the body occupies. Times the density of its material: masses.
     carrier
         The way back.
+    notes
+        Sentences for the user, without their subject.
     """
 
     positions: Array
     volumes: Array
     carrier: Carrier
+    notes: tuple[str, ...] = ()

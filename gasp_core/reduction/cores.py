@@ -9,7 +9,7 @@ mass along.) Several levels: cores of cores; the motion comes down level by leve
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -31,6 +31,8 @@ Array = NDArray[Any]
 
 _CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 """Four points of mean zero and covariance one."""
+_CORNERS_A_CELL = 4
+"""A plant in 5,499 cells strayed from that of all vertices by 1.1 % of its diagonal with 4 a cell, by 5.5 % with 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +107,6 @@ class Levels:
             levels.append(Level(cores=Cores(points=own["points"]), transfer=transfer))
         return cls(levels=tuple(levels))
 
-    def sentence(self) -> str:
-        """See `Carrier`."""
-        counts = [len(level.cores) for level in self.levels]
-        chain = " carry ".join(f"{count:,} cores" for count in counts)
-        fallen = sum(len(level.transfer.fallen) for level in self.levels if isinstance(level.transfer, LeastSquares))
-        fell = f", {fallen:,} neighbourhoods fell back on one core's frame" if fallen else ""
-        return f"{chain} carry {len(self.levels[-1].transfer.labels):,} Gaussians{fell}"
-
 
 def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: float) -> Sample:
     """The corners of a body's cores.
@@ -135,7 +129,8 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
         equally: the mass is that of `all`, however few cores there are.
     """
     simplices, _ = magnify(block.rest, floor)
-    volumes = cell_volumes(simplices.reshape(-1, 3) + block.centre, spacing).reshape(len(simplices), -1).sum(axis=1)
+    vertex_volumes = cell_volumes(simplices.reshape(-1, 3) + block.centre, spacing)
+    volumes = vertex_volumes.reshape(len(simplices), -1).sum(axis=1)
     means, covariances = block.local.means.astype(np.float64), block.local.covariances()
     levels: list[Level] = []
     for count in _counts(len(means), reduction.cores_of(len(means)), reduction.levels or 1):
@@ -153,7 +148,23 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
         positions=levels[0].cores.points.reshape(-1, 3),
         volumes=np.repeat(volumes / 4, 4),
         carrier=Levels(levels=tuple(levels)),
+        notes=_notes(levels, round(float(vertex_volumes.sum()) / spacing**3)),
     )
+
+
+def _notes(levels: Sequence[Level], cells: int) -> tuple[str, ...]:
+    """How many carry how many, what fell back, and whether they are enough for the cells that the body occupies."""
+    chain = " carry ".join(f"{len(level.cores):,} cores" for level in levels)
+    fallen = sum(len(level.transfer.fallen) for level in levels if isinstance(level.transfer, LeastSquares))
+    fell = f", {fallen:,} neighbourhoods fell back on one core's frame" if fallen else ""
+    found = [f"{chain} carry {len(levels[-1].transfer.labels):,} Gaussians{fell}"]
+    corners = 4 * len(levels[0].cores)
+    if corners < _CORNERS_A_CELL * cells:
+        found.append(
+            f"{corners:,} corners of cores are few for {cells:,} cells of the grid: matter may be too soft, or break,"
+            f" ask for some {_CORNERS_A_CELL * cells // 4:,} cores"
+        )
+    return tuple(found)
 
 
 def _counts(gaussians: int, cores: int, levels: int) -> list[int]:
