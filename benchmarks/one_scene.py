@@ -2,7 +2,7 @@
 
     python benchmarks/one_scene.py [--engines taichi-mpm mujoco-flex genesis-mpm blender] [--out one_scene]
 
-Three trained splats stand above a floor as soft bodies; one of them is pushed at its neighbour. Needs the real splats
+Three trained splats stand above a floor as soft bodies, by cores; one of them is pushed at its neighbour. Needs the real splats
 (GASP_DATA). In the folder: scene.toml, a recording of each engine, side_by_side.mp4 and a sheet of its key frames. What
 is there already is not run again. Genesis and Blender want their environments:
 
@@ -35,6 +35,7 @@ splat = "{splats}/statue-angel.sog"
 up = "-y"
 height = 0.5
 position = [0, 0, 0.03]
+reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
 
 [[object]]
@@ -43,6 +44,7 @@ splat = "{splats}/playbot/4_0"
 up = "-y"
 height = 0.25
 position = [0.5, 0, 0.1]
+reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
 
 [[object]]
@@ -52,6 +54,7 @@ up = "-y"
 height = 0.4
 position = [-0.45, 0, 0.05]
 velocity = [1.5, 0, 0]
+reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
 
 [[collider]]
@@ -123,6 +126,9 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("one_scene"))
     parser.add_argument("--duration", type=float, default=1.0, help="[s]")
     parser.add_argument("--resolution", type=int, default=20)
+    parser.add_argument(
+        "--fraction", type=float, default=0.05, help="cores, as a share of the Gaussians; 1: all of them"
+    )
     parser.add_argument("--size", default="640x360", help="of a film, in pixels")
     chosen = parser.parse_args()
     data = Path(os.environ.get("GASP_DATA", "../shared/data")).absolute()
@@ -130,9 +136,8 @@ def main():
         sys.exit(f"{data}: no such folder: set GASP_DATA to where the real splats are")
     chosen.out.mkdir(parents=True, exist_ok=True)
     scene = chosen.out / "scene.toml"
-    scene.write_text(
-        SCENE.format(splats=data / "splats", duration=chosen.duration, resolution=chosen.resolution), encoding="utf-8"
-    )
+    wanted = {"duration": chosen.duration, "resolution": chosen.resolution, "fraction": chosen.fraction}
+    scene.write_text(SCENE.format(splats=data / "splats", **wanted), encoding="utf-8")
     found = {}
     print(f"{'engine':14}{'seconds':>9}{'substeps':>10}  places of the angel, the robot, the bust at the end [m]")
     for engine in chosen.engines:
