@@ -2,9 +2,9 @@
 
     python benchmarks/one_scene.py [--engines taichi-mpm mujoco-flex genesis-mpm blender] [--out one_scene]
 
-Three trained splats stand above a floor as soft bodies, by cores; one of them is pushed at its neighbour. Needs the real splats
-(GASP_DATA). In the folder: scene.toml, a recording of each engine, side_by_side.mp4 and a sheet of its key frames. What
-is there already is not run again. Genesis and Blender want their environments:
+Three trained splats stand above a floor as soft bodies, by cores; one of them is pushed at its neighbour. Needs the
+real splats (GASP_DATA). In the folder: scene.toml, a recording of each engine, side_by_side.mp4 and a sheet of its key
+frames. What is there already is not run again. Genesis and Blender want their environments:
 
     gasp engines install genesis-mpm && gasp engines install blender
 """
