@@ -36,10 +36,10 @@ CASES = {
         material(model='"sand"'),
         ['ballistic does not model sand (object "toy")', "engines that do: ", "reference-mpm"],
     ),
-    "material no engine has": (
+    "material that no engine for points has": (
         MATERIAL,
         '{ model = "rigid", density = 200 }',
-        ["does not model rigid", "no other installed"],
+        ["does not model rigid", "engines that do: ", "mujoco-flex"],
     ),
     "collider the engine lacks": (
         "[engine]",

@@ -10,10 +10,12 @@ runtime it was opened in, and asks before every use whether it is still there.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import io
 import os
 import threading
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 from gasp_core.engine.threads import processors
@@ -50,6 +52,24 @@ _runtime: Any = None
 """Taichi's own object for what `_initialise` made; it makes another one each time it is initialised or reset."""
 
 
+@contextlib.contextmanager
+def _same_arithmetic() -> Iterator[None]:
+    """Leave this thread's arithmetic as it was.
+
+    Taichi has the processor take numbers below 1e-308 for zero from then on, in all Python code of the thread.
+    """
+    library = None if os.name == "nt" else ctypes.CDLL(None)
+    if not (hasattr(library, "fegetenv") and hasattr(library, "fesetenv")):
+        yield
+        return
+    kept = ctypes.create_string_buffer(64)  # 28 to 32 bytes on the systems there are
+    library.fegetenv(kept)
+    try:
+        yield
+    finally:
+        library.fesetenv(kept)
+
+
 def _initialise(device: str) -> None:
     global _runtime
     arch = {"cpu": taichi.cpu, "cuda": taichi.cuda}[device]
@@ -59,7 +79,7 @@ def _initialise(device: str) -> None:
             " or install a CUDA driver"
         )
     # Taichi prints where it starts; standard output belongs to whoever runs us.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), _same_arithmetic():
         # A third faster: a product and a sum are one operation. It lets the compiler assume that NaN never occurs, so
         # guards against it look at bits. On a GPU it also replaces logarithms by coarse ones.
         taichi.init(

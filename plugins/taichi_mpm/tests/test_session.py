@@ -118,3 +118,26 @@ def test_an_unsolicited_word_is_never_printed():
 def test_plugin_imports_no_backend():
     code = "import sys, gasp_taichi_mpm.plugin as p; p.gasp_point_engines(); sys.exit('taichi' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+_SMALLEST = """
+from gasp_taichi_mpm import runtime
+
+runtime.acquire("cpu")
+ti = runtime.taichi
+
+@ti.kernel
+def whatever(x: ti.f64) -> ti.f64:
+    return x + 1.0
+
+whatever(1.0)
+print(float("5e-324") * 1.0)
+"""
+
+
+def test_the_smallest_numbers_are_still_numbers(tmp_path):
+    """Taichi would have them flushed to zero in the thread that starts it, in all that runs there afterwards."""
+    script = tmp_path / "smallest.py"
+    script.write_text(_SMALLEST, encoding="utf-8")
+    result = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "5e-324"
