@@ -34,7 +34,7 @@ name = "angel"
 splat = "{splats}/statue-angel.sog"
 up = "-y"
 height = 0.5
-position = [0, 0, 0.03]
+position = [0, 0, 0.1]
 reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
 
@@ -43,7 +43,7 @@ name = "robot"
 splat = "{splats}/playbot/4_0"
 up = "-y"
 height = 0.25
-position = [0.5, 0, 0.1]
+position = [0.5, 0, 0.15]
 reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
 
@@ -52,7 +52,7 @@ name = "bust"
 splat = "{splats}/statue-massa.sog"
 up = "-y"
 height = 0.4
-position = [-0.45, 0, 0.05]
+position = [-0.45, 0, 0.1]
 velocity = [1.5, 0, 0]
 reduction = {{ mode = "cores", fraction = {fraction} }}
 material = {{ model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }}
