@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
-from gasp_core.engine.stability import event_times
+from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
+from gasp_core.engine.forcing import Impulse
+from gasp_core.engine.stability import substeps_to
+from gasp_core.engine.stepped import SteppedSession, StoppedError
 
 __all__ = ["BlenderSession", "Part"]
 
@@ -45,7 +45,7 @@ class Part(Protocol):
         ...
 
 
-class BlenderSession:
+class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
     """See `gasp_core.engine.contract.EngineSession`.
 
     Parameters
@@ -67,67 +67,26 @@ class BlenderSession:
         time: float,
         notices: Sequence[str] = (),
     ) -> None:
-        self._problem = problem
-        self._parts: Sequence[tuple[Array, Part]] | None = parts
+        super().__init__(problem, parts, engine="blender", accuracy=accuracy, time=time, notes=notices)
         self._longest = longest_step
-        self._accuracy = accuracy
-        self._time = time
-        self._notices = tuple(notices)
-        self._events = event_times(problem.drives, problem.force_fields)
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._time
-
-    def advance_to(self, time: float) -> StepReport:
-        """Advance to exactly `time` [s], landing on everything that starts or ends on the way.
-
-        Raises
-        ------
-        ValueError
-            Where `time` lies in the past or is not finite, or the session is closed.
-        """
-        self._living()
-        if not (math.isfinite(time) and time >= self._time):
-            raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
-        steps: list[float] = []
-        status = Status.OK
-        warnings = list(self._notices)
-        self._notices = ()
-        while self._time < time and status is Status.OK:
-            later = self._events[self._events > self._time]
-            landing = min(time, float(later[0])) if len(later) else time
-            span = landing - self._time
-            count = max(1, math.ceil(span / self._longest * (1 - 1e-9)))
-            left = math.ceil((time - self._time) / self._longest * (1 - 1e-9))
-            if len(steps) + left > self._accuracy.substep_limit:
-                status = Status.SUBSTEP_LIMIT
-                warnings.append(
-                    f"this frame needs about {len(steps) + left} substeps of {self._longest:.3g} s, more than the limit"
-                    f" of {self._accuracy.substep_limit}: raise substep_limit, lower the stiffness, or coarsen the"
-                    " resolution"
+    def _approach(self, landing: float, end: float) -> None:
+        """All steps up to `landing`: nothing that happens on the way bounds them."""
+        self._refuse_too_many(self._longest, end)
+        count, step = substeps_to(landing - self._time, self._longest)
+        start = self._time
+        for index in range(count):
+            # The last one lands on the very number that was asked for, not on a sum of steps.
+            then = landing if index + 1 == count else start + (index + 1) * step
+            if not all(part.step(self._time, then, step) for _, part in self._living()):
+                raise StoppedError(
+                    Status.NON_FINITE,
+                    f"Blender's state is not finite after {then:.6g} s: try a substep below {step / 2:.3g} s",
                 )
-                break
-            start, step = self._time, span / count
-            for index in range(count):
-                # The last one lands on the very number that was asked for, not on a sum of steps.
-                end = landing if index + 1 == count else start + (index + 1) * step
-                if not all(part.step(self._time, end, step) for _, part in self._living()):
-                    status = Status.NON_FINITE
-                    warnings.append(
-                        f"Blender's state is not finite after {end:.6g} s: try a substep below {step / 2:.3g} s"
-                    )
-                    break
-                self._time = end
-                steps.append(step)
-        return StepReport(
-            status=status,
-            substep_count=len(steps),
-            smallest_substep=min(steps, default=0.0),
-            largest_substep=max(steps, default=0.0),
-            warnings=tuple(warnings),
-        )
+            self._took(1, step, then)
+
+    def _strike(self, impulse: Impulse) -> None:
+        """Parts give impulses to their nodes themselves, in the step that begins then."""
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
@@ -148,21 +107,6 @@ class BlenderSession:
             kept |= part.keep()
         return kept
 
-    def close(self) -> None:
-        """Let go of Blender's scenes."""
-        for _, part in self._parts or ():
+    def _release(self, held: Sequence[tuple[Array, Part]]) -> None:
+        for _, part in held:
             part.close()
-        self._parts = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
-
-    def _living(self) -> Sequence[tuple[Array, Part]]:
-        if self._parts is None:
-            raise ValueError("the session is closed")
-        return self._parts

@@ -7,22 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status, StepReport
+from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
 from gasp_core.engine.forcing import DomainPolicy, Impulse
 from gasp_core.engine.stability import (
     MotionLimits,
     driven_speed,
-    event_times,
     hardening_of,
     substep_size,
     substeps_to,
 )
+from gasp_core.engine.stepped import SteppedSession, StoppedError, kick
 from gasp_core.errors import SceneError
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
@@ -108,47 +107,6 @@ CloudBuilder = Callable[[PointProblem, Units, Mapping[str, Array] | None, str], 
 """From problem, units, checkpoint and the engine's name."""
 
 
-class _StoppedError(Exception):
-    """Leaves the stepping loops with a verdict."""
-
-    def __init__(self, status: Status, reason: str) -> None:
-        super().__init__(reason)
-        self.status = status
-        self.reason = reason
-
-
-class _Tally:
-    """What one advance has done so far."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.sizes: set[float] = set()
-        self.clamped = False
-        self.inverted = 0
-
-    def add(self, count: int, step: float, clamped: bool) -> None:
-        self.clamped |= clamped
-        if count:
-            self.count += count
-            self.sizes.add(step)
-
-    def report(self, stop: _StoppedError | None) -> StepReport:
-        warnings = [] if stop is None else [stop.reason]
-        if self.inverted:
-            warnings.append(
-                f"{self.inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material"
-            )
-        if self.clamped:
-            warnings.append("matter was held back at the domain's edge")
-        return StepReport(
-            status=Status.OK if stop is None else stop.status,
-            substep_count=self.count,
-            smallest_substep=min(self.sizes, default=0.0),
-            largest_substep=max(self.sizes, default=0.0),
-            warnings=tuple(warnings),
-        )
-
-
 def _named(index: int, place: Array) -> str:
     return f"point {index} at ({', '.join(f'{value:.4g}' for value in place)}) m"
 
@@ -159,7 +117,16 @@ def _farthest(positions: Array) -> str:
     return f"{_named(worst, positions[worst])} is {away[worst]:.3g} m away from the others"
 
 
-class MpmSession:
+def _time_of(restart: Mapping[str, Array], frame: Array, engine: str) -> float:
+    if "time" in restart and np.array_equal(restart.get("frame", ()), frame):
+        return float(restart["time"])
+    raise SceneError(
+        f"{engine}: the checkpoint was written for another scene or grid spacing: resume with the scene and"
+        " accuracy the run was started with"
+    )
+
+
+class MpmSession(SteppedSession[SteppedCloud]):
     """A session of an explicit MPM engine; see `gasp_core.engine.contract.EngineSession`.
 
     Parameters
@@ -181,6 +148,9 @@ class MpmSession:
         For points too far apart for a grid, or a checkpoint of something else.
     """
 
+    _survey: Survey
+    """Of the last look."""
+
     def __init__(
         self,
         problem: PointProblem,
@@ -190,17 +160,13 @@ class MpmSession:
         build: CloudBuilder,
         restart: Mapping[str, Array] | None = None,
     ) -> None:
-        self._problem = problem
-        self._engine = engine
-        self._accuracy = accuracy
         self._units = units = Units.of(problem, accuracy.spacing_for(problem.points))
         self._frame = np.array([*units.anchor, units.spacing, units.time, units.mass])
-        self._time = 0.0 if restart is None else self._time_of(restart)
+        time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
         self._colliders = collider_rows(problem.colliders, units)
         self._hardening = hardening_of(problem)
-        self._events = event_times(problem.drives, problem.force_fields)
         try:
-            self._cloud: SteppedCloud | None = build(problem, units, restart, engine)
+            cloud = build(problem, units, restart, engine)
         except (GridTooLargeError, FarAwayError) as error:
             raise SceneError(
                 f"{engine}: {_farthest(problem.points.reference_positions)}, too far for a grid of spacing"
@@ -208,58 +174,37 @@ class MpmSession:
             ) from error
         domain = problem.domain
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
-            self._cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
+            cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
+        super().__init__(problem, cloud, engine=engine, accuracy=accuracy, time=time)
+        self._clamped = False
+        self._inverted = 0
 
-    def _time_of(self, restart: Mapping[str, Array]) -> float:
-        if "time" in restart and np.array_equal(restart.get("frame", ()), self._frame):
-            return float(restart["time"])
-        raise SceneError(
-            f"{self._engine}: the checkpoint was written for another scene or grid spacing: resume with the scene and"
-            " accuracy the run was started with"
-        )
+    def _begin(self, end: float) -> None:
+        self._clamped = False
+        self._inverted = 0
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._time
+    def _remarks(self) -> list[str]:
+        told: list[str] = []
+        if self._inverted:
+            told.append(f"{self._inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material")
+        if self._clamped:
+            told.append("matter was held back at the domain's edge")
+        return told
 
-    def advance_to(self, time: float) -> StepReport:
-        """Advance to exactly `time` [s], landing on everything that starts or ends on the way.
+    def _approach(self, landing: float, end: float) -> None:
+        """One batch of equal steps towards `landing`."""
+        limits = self._limits(self._survey)
+        allowed = substep_size(limits, self._units.spacing, self._accuracy)
+        self._refuse_too_many(allowed, end)
+        count, step = substeps_to(landing - self._time, allowed)
+        reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
+        taking = min(count, max(1, reach))
+        # The last batch lands on the very number that was asked for, not on a sum of steps.
+        self._take(taking, step, landing if taking == count else None)
 
-        Raises
-        ------
-        ValueError
-            Where `time` lies behind, or is not a number, or the session is closed.
-        """
-        cloud = self._living()
-        if not (math.isfinite(time) and time >= self._time):
-            raise ValueError(f"cannot advance from {self._time!r} s to {time!r} s")
-        tally = _Tally()
-        try:
-            while self._time < time:
-                later = self._events[(self._events > self._time) & (self._events < time)]
-                self._land(cloud, float(later[0]) if len(later) else time, time, tally)
-        except _StoppedError as stop:
-            return tally.report(stop)
-        return tally.report(None)
-
-    def _land(self, cloud: SteppedCloud, landing: float, end: float, tally: _Tally) -> None:
-        """Advance to `landing`, between which and now nothing starts or ends, on the way to `end`."""
-        self._strike(cloud)
-        survey = cloud.survey()
-        self._judge(survey, tally, 0.0)
-        while self._time < landing:
-            limits = self._limits(survey)
-            allowed = substep_size(limits, self._units.spacing, self._accuracy)
-            self._refuse_too_many(allowed, end, tally)
-            count, step = substeps_to(landing - self._time, allowed)
-            reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
-            taking = min(count, max(1, reach))
-            self._take(cloud, taking, step, tally)
-            if taking == count:
-                self._time = landing  # the very number that was asked for, not a sum of steps
-            survey = cloud.survey()
-            self._judge(survey, tally, step)
+    def _look(self, step: float) -> None:
+        self._survey = self._living().survey()
+        self._judge(self._survey, step)
 
     def _limits(self, survey: Survey) -> MotionLimits:
         felt = _FELT * self._units.spacing
@@ -272,8 +217,9 @@ class MpmSession:
             hardening=self._hardening,
         )
 
-    def _take(self, cloud: SteppedCloud, count: int, step: float, tally: _Tally) -> None:
-        """Take `count` steps, sorting where a point has strayed from its home."""
+    def _take(self, count: int, step: float, landing: float | None) -> None:
+        """Take `count` steps, the last of which ends at `landing`, if any; sort where a point has strayed from home."""
+        cloud = self._living()
         begin = self._time
         winds, drives = active_winds(self._problem, begin), active_drives(self._problem, begin)
         placed = [drive_rows(drives, begin + index * step, self._units) for index in range(count)]
@@ -288,80 +234,46 @@ class MpmSession:
         while done < count:
             taken, drifted, clamped = cloud.steps(done, count)
             done += taken
-            self._time = begin + done * step
-            tally.add(taken, step, clamped)
+            self._clamped |= clamped
+            if taken:
+                self._took(taken, step, landing if landing is not None and done == count else begin + done * step)
             if drifted:
-                self._judge(cloud.survey(), tally, step)
+                self._judge(cloud.survey(), step)
                 self._sort(cloud)
 
     def _sort(self, cloud: SteppedCloud) -> None:
         try:
             cloud.sort()
         except (GridTooLargeError, FarAwayError) as error:
-            raise _StoppedError(
+            raise StoppedError(
                 Status.OUT_OF_DOMAIN,
                 f"{_farthest(cloud.positions())}, too far for a grid of spacing {self._units.spacing:.3g} m:"
                 " add a floor or a domain, or use a coarser resolution",
             ) from error
 
-    def _strike(self, cloud: SteppedCloud) -> None:
-        """Give the impulses that start now, each shared in proportion to mass."""
-        due = [drive for drive in self._problem.drives if isinstance(drive, Impulse) and drive.start == self._time]
-        if not due:
-            return
-        masses, positions = self._problem.masses, cloud.positions()
-        for impulse in due:
-            struck = impulse.region.signed_distance(positions) <= 0
-            if struck.any():
-                cloud.push(struck, np.asarray(impulse.impulse) / float(masses[struck].sum()))
+    def _strike(self, impulse: Impulse) -> None:
+        cloud = self._living()
+        given = kick(impulse, cloud.positions(), self._problem.masses)
+        if given is not None:
+            cloud.push(*given)
 
-    def _refuse_too_many(self, step: float, end: float, tally: _Tally) -> None:
-        limit = self._accuracy.substep_limit
-        needed = tally.count + ((end - self._time) / step * (1 - 1e-9) if step > 0 else math.inf)
-        if needed <= limit:
-            return
-        total = f"{math.ceil(needed):,}" if math.isfinite(needed) else "infinitely many"
-        raise _StoppedError(
-            Status.SUBSTEP_LIMIT,
-            f"this frame would need {total} substeps of {step:.3g} s, the limit is {limit:,}: raise substep_limit,"
-            " lower the stiffness, or use a coarser resolution",
-        )
-
-    def _judge(self, survey: Survey, tally: _Tally, step: float) -> None:
+    def _judge(self, survey: Survey, step: float) -> None:
         """Stop where the state is no longer credible or has left the domain."""
+        cloud = self._living()
         if not survey.finite:
-            raise _StoppedError(Status.NON_FINITE, self._lost(step))
-        tally.inverted = max(tally.inverted, survey.inverted)
+            self._refuse_lost(step, cloud.positions(), cloud.velocities(), cloud.deformation_gradients())
+            raise StoppedError(Status.NON_FINITE, f"the state is no longer finite, with substeps of {step:.3g} s")
+        self._inverted = max(self._inverted, survey.inverted)
         leap = survey.speed * step / self._units.spacing
         if leap > 1:
-            raise _StoppedError(
+            raise StoppedError(
                 Status.NON_FINITE,
                 f"points move {leap:.3g} cells in one substep of {step:.3g} s: the motion has blown up; lower"
                 " substep_fraction, or check the scene's forces",
             )
         domain = self._problem.domain
-        if domain is None or domain.policy is not DomainPolicy.STOP:
-            return
-        lower, upper = np.array(domain.lower), np.array(domain.upper)
-        if (survey.low < lower).any() or (survey.high > upper).any():
-            positions = self._living().positions()
-            outside = np.maximum(lower - positions, positions - upper).max(axis=1)
-            worst = int(np.argmax(outside))
-            raise _StoppedError(
-                Status.OUT_OF_DOMAIN,
-                f"{_named(worst, positions[worst])} left the domain, {outside[worst]:.3g} m outside: enlarge the"
-                ' domain, or use the policy "expand" or "clamp"',
-            )
-
-    def _lost(self, step: float) -> str:
-        cloud = self._living()
-        rows = (cloud.positions(), cloud.velocities(), cloud.deformation_gradients().reshape(-1, 9))
-        bad = ~np.isfinite(np.concatenate(rows, axis=1)).all(axis=1)
-        first = ", ".join(map(str, np.flatnonzero(bad)[:5])) or "none alone"
-        return (
-            f"{int(bad.sum())} point(s) are no longer finite, first {first}, with substeps of {step:.3g} s:"
-            " lower substep_fraction, or check the scene's forces"
-        )
+        if domain is not None and ((survey.low < domain.lower).any() or (survey.high > domain.upper).any()):
+            self._refuse_outside(cloud.positions())
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, float64, owned."""
@@ -379,21 +291,5 @@ class MpmSession:
         """Everything a restart needs."""
         return {"time": np.array(self._time), "frame": self._frame.copy(), **self._living().checkpoint()}
 
-    def close(self) -> None:
-        """Give the memory back; may be called twice."""
-        cloud, self._cloud = self._cloud, None
-        if cloud is not None:
-            cloud.close()
-
-    def _living(self) -> SteppedCloud:
-        if self._cloud is None:
-            raise ValueError(f"{self._engine}: the session is closed: open a new one")
-        return self._cloud
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
+    def _release(self, held: SteppedCloud) -> None:
+        held.close()

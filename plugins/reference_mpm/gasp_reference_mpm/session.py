@@ -5,30 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import (
-    EngineAccuracy,
-    Field,
-    PointProblem,
-    PointState,
-    Status,
-    StepReport,
-)
+from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
 from gasp_core.engine.forcing import DomainPolicy, Impulse
 from gasp_core.engine.stability import (
     MotionLimits,
     driven_speed,
-    event_times,
     hardening_of,
     substep_size,
     substeps_to,
 )
-from gasp_reference_mpm.lattice import grid_excess, place_name
+from gasp_core.engine.stepped import SteppedSession, StoppedError, kick
+from gasp_reference_mpm.lattice import grid_excess
 from gasp_reference_mpm.matter import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
 
@@ -42,16 +34,7 @@ _CYCLE_TRAVEL = 0.5
 """In cells: no point travels further within a cycle."""
 
 
-class _Verdict(Exception):
-    """Ends an advance with anything but OK."""
-
-    def __init__(self, status: Status, reason: str) -> None:
-        super().__init__(reason)
-        self.status = status
-        self.reason = reason
-
-
-class ReferenceSession:
+class ReferenceSession(SteppedSession[Motion]):
     """See `gasp_core.engine.contract.EngineSession`."""
 
     def __init__(
@@ -64,61 +47,27 @@ class ReferenceSession:
         accuracy: EngineAccuracy,
         time: float,
     ) -> None:
-        self._problem = problem
+        super().__init__(problem, motion, engine="reference-mpm", accuracy=accuracy, time=time)
         self._matter = matter
-        self._motion: Motion | None = motion
         self._origin = origin
         self._spacing = spacing
-        self._accuracy = accuracy
-        self._time = time
         self._held_back = np.zeros(len(matter.masses), dtype=bool)
-        self._events = event_times(problem.drives, problem.force_fields)
+        self._inverted = 0
         self._hardening = hardening_of(problem)
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._time
-
-    def advance_to(self, time: float) -> StepReport:
-        """Advance to exactly `time` [s], landing on everything that starts or ends on the way.
-
-        Raises
-        ------
-        ValueError
-            Where `time` lies in the past or is not finite, or the session is closed.
-        """
-        self._living()
-        if not (math.isfinite(time) and time >= self._time):
-            raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
-        steps: list[float] = []
-        inverted = 0
+    def _begin(self, end: float) -> None:
         self._held_back[:] = False
-        warnings: list[str] = []
-        status = Status.OK
-        try:
-            while self._time < time:
-                self._look()
-                self._strike()
-                later = self._events[self._events > self._time]
-                landing = min(time, float(later[0])) if len(later) else time
-                while self._time < landing:
-                    steps += self._cycle(landing, time, len(steps))
-                    inverted = max(inverted, self._look())
-        except _Verdict as verdict:
-            status = verdict.status
-            warnings.append(verdict.reason)
-        if inverted:
-            warnings.append(f"{inverted} point(s) were turned inside out (det F <= 0) at once; results there are rough")
+        self._inverted = 0
+
+    def _remarks(self) -> list[str]:
+        told: list[str] = []
+        if self._inverted:
+            told.append(
+                f"{self._inverted} point(s) were turned inside out (det F <= 0) at once; results there are rough"
+            )
         if self._held_back.any():
-            warnings.append(f"{int(self._held_back.sum())} point(s) were held back at the domain's edge")
-        return StepReport(
-            status=status,
-            substep_count=len(steps),
-            smallest_substep=min(steps, default=0.0),
-            largest_substep=max(steps, default=0.0),
-            warnings=tuple(warnings),
-        )
+            told.append(f"{int(self._held_back.sum())} point(s) were held back at the domain's edge")
+        return told
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
@@ -146,35 +95,12 @@ class ReferenceSession:
             "tracers": motion.tracers.copy(),
         }
 
-    def close(self) -> None:
-        """Let go of the arrays."""
-        self._motion = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
-
-    def _living(self) -> Motion:
-        if self._motion is None:
-            raise ValueError("the session is closed")
-        return self._motion
-
-    def _cycle(self, landing: float, end: float, taken: int) -> list[float]:
-        """A few equal substeps towards `landing`; the sizes of those taken."""
+    def _approach(self, landing: float, end: float) -> None:
+        """A few equal substeps towards `landing`."""
         motion = self._living()
         limits = self._limits(motion)
         allowed = substep_size(limits, self._spacing, self._accuracy)
-        needed = taken + math.ceil((end - self._time) / allowed * (1 - 1e-9))
-        if needed > self._accuracy.substep_limit:
-            raise _Verdict(
-                Status.SUBSTEP_LIMIT,
-                f"this frame needs about {needed} substeps of {allowed:.3g} s, more than the limit of"
-                f" {self._accuracy.substep_limit}: raise substep_limit, lower the stiffness, or coarsen the resolution",
-            )
+        self._refuse_too_many(allowed, end)
         remaining = landing - self._time
         count, step = substeps_to(remaining, allowed)
         reach = int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))
@@ -188,10 +114,9 @@ class ReferenceSession:
             self._held_back |= held
             self._refuse_leap(motion, now, step)
             motion = self._clamped(motion)
-        self._motion = motion
+        self._held = motion
         # The last cycle lands on the very number that was asked for, not on a sum of steps.
-        self._time = landing if taking == count else start + taking * step
-        return [step] * taking
+        self._took(taking, step, landing if taking == count else start + taking * step)
 
     def _limits(self, motion: Motion) -> MotionLimits:
         places = motion.positions + self._origin
@@ -205,16 +130,12 @@ class ReferenceSession:
             hardening=self._hardening,
         )
 
-    def _strike(self) -> None:
-        """Give the impulses that start now."""
+    def _strike(self, impulse: Impulse) -> None:
         motion = self._living()
-        for drive in self._problem.drives:
-            if isinstance(drive, Impulse) and drive.start == self._time:
-                struck = drive.region.signed_distance(motion.positions + self._origin) <= 0
-                if struck.any():
-                    kick = np.asarray(drive.impulse) / self._matter.masses[struck].sum()
-                    motion = replace(motion, velocities=motion.velocities + struck[:, None] * kick)
-        self._motion = motion
+        given = kick(impulse, motion.positions + self._origin, self._matter.masses)
+        if given is not None:
+            struck, change = given
+            self._held = replace(motion, velocities=motion.velocities + struck[:, None] * change)
 
     def _clamped(self, motion: Motion) -> Motion:
         """Points that slipped through a clamping edge, brought back onto it, stopped at it, and remembered."""
@@ -228,38 +149,22 @@ class ReferenceSession:
         return replace(motion, positions=inside, velocities=velocities)
 
     def _refuse_leap(self, motion: Motion, time: float, step: float) -> None:
-        finite = np.isfinite(motion.positions).all(axis=1) & np.isfinite(motion.velocities).all(axis=1)
-        finite &= np.isfinite(motion.deformations).all(axis=(1, 2))
-        if not finite.all():
-            lost = np.flatnonzero(~finite)
-            raise _Verdict(
-                Status.NON_FINITE,
-                f"the state of {len(lost)} point(s), first {lost[0]}, is not finite at {time:.6g} s:"
-                f" try a substep below {step / 2:.3g} s",
-            )
+        self._refuse_lost(step, motion.positions, motion.velocities, motion.deformations)
         leap = np.linalg.norm(motion.velocities, axis=1) * step / self._spacing
         if leap.max() > 1:
-            raise _Verdict(
+            raise StoppedError(
                 Status.NON_FINITE,
                 f"point {int(leap.argmax())} crosses {leap.max():.3g} cells in one substep at {time:.6g} s:"
                 f" try a substep below {step / 2 / leap.max():.3g} s",
             )
 
-    def _look(self) -> int:
-        """Refuse a cloud that has left its domain or outgrown the grid; the number of inverted points."""
+    def _look(self, step: float) -> None:
+        """Refuse a cloud that has left its domain or outgrown the grid; count inverted points."""
         motion = self._living()
         places = motion.positions + self._origin
-        domain = self._problem.domain
-        if domain is not None and domain.policy is DomainPolicy.STOP:
-            outside = ((places < domain.lower) | (places > domain.upper)).any(axis=1)
-            if outside.any():
-                first = int(np.flatnonzero(outside)[0])
-                raise _Verdict(
-                    Status.OUT_OF_DOMAIN,
-                    f"{int(outside.sum())} point(s) left the domain at {self._time:.6g} s, first point {first} at"
-                    f" {place_name(places[first])}: enlarge the domain, or choose its policy expand or clamp",
-                )
+        self._refuse_outside(places)
         excess = grid_excess(places, self._spacing)
         if excess:
-            raise _Verdict(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")
-        return int((np.linalg.det(motion.deformations) <= 0).sum())
+            raise StoppedError(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")
+        if step:
+            self._inverted = max(self._inverted, int((np.linalg.det(motion.deformations) <= 0).sum()))

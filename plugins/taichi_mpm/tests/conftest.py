@@ -14,8 +14,8 @@ from gasp_mpm_host.testing import Kit  # noqa: E402 - its assertions are to say 
 def kit():
     return Kit(
         engine_open=TaichiMpm().open,
-        rows=lambda session: session._cloud._rows(),
-        nodes=lambda session: int(np.prod(session._cloud._control[words.SHAPE : words.SHAPE + 3])),
+        rows=lambda session: session._held._rows(),
+        nodes=lambda session: int(np.prod(session._held._control[words.SHAPE : words.SHAPE + 3])),
     )
 
 

@@ -13,6 +13,6 @@ from gasp_mpm_host.testing import Kit  # noqa: E402 - its assertions are to say 
 def kit():
     return Kit(
         engine_open=WarpMpm().open,
-        rows=lambda session: session._cloud._rows(),
-        nodes=lambda session: int(np.prod(list(session._cloud._tables.shape))),
+        rows=lambda session: session._held._rows(),
+        nodes=lambda session: int(np.prod(list(session._held._tables.shape))),
     )

@@ -63,7 +63,7 @@ def test_the_way_of_the_gpu_stops_after_the_step_in_which_a_point_drifted(kit):
     problem = falling(kit, colliders=(), gravity=(0, 0, 0))
     accuracy = EngineAccuracy(spacing=0.02)
     with MpmSession(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()) as session:
-        cloud = session._cloud
+        cloud = session._held
         start = cloud.positions()
         cloud.begin_batch(0.75 * 0.02 / 2.0, np.zeros(3), *nothing_acts(20))
         done, drifted, _ = cloud.steps(0, 20)

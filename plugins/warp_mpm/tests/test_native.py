@@ -114,7 +114,7 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
     given = deformations()
     problem = kit.problem(np.random.default_rng(2).uniform(0, 0.4, (len(given), 3)), kit.materials[kind])
     with kit.open(problem, precision=precision, spacing=0.1) as session:
-        cloud = session._cloud
+        cloud = session._held
         points = cloud._rows().points
         points[:, at.DEFORMATION : at.DEFORMATION + 9] = given.reshape(-1, 9)
         cloud.begin_batch(0.0, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((1, 0, at.DRIVE_WIDTH)))

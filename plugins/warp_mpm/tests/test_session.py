@@ -19,7 +19,7 @@ class TestTracers(TracerTests):
 def test_a_survey_looks_at_what_was_written_alone(kit):
     """Rows of the chart are wider than what is written: memory that held anything before must not stop a run."""
     with kit.open(falling(kit), spacing=0.1) as session:
-        cloud = session._cloud
+        cloud = session._held
         cloud.survey()
         written = cloud._chart.numpy().reshape(-1, at.SURVEY_WIDTH)
         assert (written[:, at.SURVEY_HIGH + 3 :] == 0).all()

@@ -129,7 +129,7 @@ class SessionTests:
         """Made to take steps too long for its speed, a point leaves home within one: the guard alone can know."""
         problem = falling(kit, colliders=(), gravity=(0, 0, 0))
         with kit.open(problem, spacing=0.02) as session:
-            cloud = session._cloud
+            cloud = session._held
             step = 1.5 * 0.02 / 2.0  # one and a half cells
             cloud.begin_batch(step, np.zeros(3), *nothing_acts(20))
             done, drifted, _ = cloud.steps(0, 20)
@@ -145,7 +145,7 @@ class SessionTests:
             row = 7
             rows = kit.rows(session)
             rows.points[np.flatnonzero(rows.ids == row)[0], at.VELOCITY] = np.nan
-            session._cloud._load(rows)
+            session._held._load(rows)
             report = session.advance_to(0.02)
             assert report.status is Status.NON_FINITE
             assert f"first {row}" in report.warnings[0]
@@ -161,7 +161,7 @@ class SessionTests:
             at.HISTORY,
         ]
         with kit.open(falling(kit), spacing=0.1, precision=precision) as session:
-            cloud = session._cloud
+            cloud = session._held
             for place in [*watched, "x", "y", "z"]:
                 rows = copy.deepcopy(kit.rows(session))
                 if isinstance(place, int):
@@ -181,9 +181,9 @@ class SessionTests:
             session.advance_to(0.01)
             rows = kit.rows(session)
             rows.points[100, at.VELOCITY] = value
-            session._cloud._load(rows)
-            session._cloud.begin_batch(1e-4, np.zeros(3), *nothing_acts(20))
-            done, drifted, _ = session._cloud.steps(0, 20)
+            session._held._load(rows)
+            session._held.begin_batch(1e-4, np.zeros(3), *nothing_acts(20))
+            done, drifted, _ = session._held.steps(0, 20)
             assert drifted
             assert done == 1
 
@@ -193,13 +193,13 @@ class SessionTests:
             session.advance_to(0.01)
             rows = kit.rows(session)
             rows.points[100, at.STRESS + 1] = np.inf
-            session._cloud._load(rows)
+            session._held._load(rows)
             problem_step = 1e-4
-            session._cloud.begin_batch(problem_step, np.zeros(3), *nothing_acts(20))
-            done, drifted, _ = session._cloud.steps(0, 20)
+            session._held.begin_batch(problem_step, np.zeros(3), *nothing_acts(20))
+            done, drifted, _ = session._held.steps(0, 20)
             assert drifted
             assert done <= 2
-            assert not session._cloud.survey().finite
+            assert not session._held.survey().finite
 
     def test_substep_limit_is_known_before_time_is_spent(self, kit):
         with kit.open(falling(kit), spacing=0.1, substep_limit=3) as session:
