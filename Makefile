@@ -50,13 +50,14 @@ test: check ## Everything that has to be true, in under 15 minutes on two cores
 		sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$code'
 
 .PHONY: matrix
-matrix: $(STAMP) ## The whole suite on every engine; its verdicts go into the README
+matrix: $(STAMP) ## The whole suite on every engine that is ready; its verdicts go into the README
 	@mkdir -p build/conformance
 	-@$(BIN)/gasp-conformance reference-mpm --json build/conformance/reference-mpm.json
-	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --json build/conformance/taichi-mpm-float32.json
-	-@$(BIN)/gasp-conformance taichi-mpm --oracle reference-mpm --precision float64 --json build/conformance/taichi-mpm-float64.json
-	-@$(BIN)/gasp-conformance warp-mpm --oracle reference-mpm --json build/conformance/warp-mpm-float32.json
-	-@$(BIN)/gasp-conformance warp-mpm --oracle reference-mpm --precision float64 --json build/conformance/warp-mpm-float64.json
+	-@$(BIN)/gasp-conformance mujoco-flex --json build/conformance/mujoco-flex.json
+	-@for precision in float32 float64; do for engine in taichi-mpm warp-mpm; do \
+		$(BIN)/gasp-conformance $$engine --oracle reference-mpm --precision $$precision --json build/conformance/$$engine-$$precision.json; done; done
+	-@for engine in $$($(BIN)/gasp engines | sed -n 's/^\(genesis-mpm\|blender\) *ready.*/\1/p'); do \
+		$(BIN)/gasp-conformance $$engine --json build/conformance/$$engine.json; done
 	@$(BIN)/python -m gasp_conformance.matrix build/conformance/*.json --into README.md
 
 .PHONY: template

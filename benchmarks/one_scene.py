@@ -66,8 +66,8 @@ friction = 0.5
 resolution = {resolution}
 
 [camera]
-position = [0.9, -1.6, 0.75]
-target = [0.05, 0, 0.2]
+position = [0.55, -1.1, 0.5]
+target = [0.03, 0, 0.22]
 """
 
 
