@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Wind
+from gasp_mujoco_flex.acting import blow, strike
 from gasp_mujoco_flex.embedding import carry_rigidly
 from gasp_mujoco_flex.holding import TOUCH, Grip, grips, sticking
 from gasp_mujoco_flex.model import Model
@@ -46,11 +47,9 @@ class Motion:
         self._problem = problem
         self._model = model
         self._state = State(model)
-        count = model.nodes
         self._armature = model.mj.dof_armature
-        self._nodal_masses = model.mj.body_mass[1 : 1 + count]
         self._room = TOUCH * min((float(cage.lattice.sides.min()) for cage in model.cages), default=0.0)
-        self._stuck = np.zeros(count, dtype=bool)
+        self._stuck = np.zeros(model.nodes, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
         self._tolerance = tolerance
@@ -73,20 +72,22 @@ class Motion:
     def step(self, time: float, step: float) -> str:
         """Take one step from `time` [s]; what went wrong, or nothing."""
         mj = self._model.mj
-        mj.opt.timestep = step
+        mj.opt.timestep = step / self._model.units.time
         mj.opt.tolerance = (_TOUCHING if self._touched else _FREE) * self._tolerance
         for references, gentle in self._gentle:
             # Stopped within a step, and not pushed back.
-            references[gentle] = (-1e-12, -1.0 / step)
+            references[gentle] = (-1e-12, -1.0 / mj.opt.timestep)
         self._begun = True
-        self._blow(time, step)
+        if self._problem.force_fields:
+            winds = [one for one in self._problem.force_fields if isinstance(one, Wind) and one.start <= time < one.end]
+            blow(winds, self._model, self._state, step)
         active = grips(self._problem.drives, time, step)
         if not active and not self._sticky:
             # A rigid body's step takes microseconds: nothing is looked at that nothing holds.
             if self._holding:
                 self._armature[:] = 0.0
                 self._holding = False
-            return self._stepped()
+            return self._free_step()
         self._holding = True
         self._look_for_idle(active, time)
         held, ends, velocities = self._grip_nodes(active, step)
@@ -96,6 +97,13 @@ class Motion:
         for number, turn, centre, velocity, spin in bodies:
             self._state.lay(number, turn, centre)
             self._state.push(number, velocity, spin)
+        return failure
+
+    def _free_step(self) -> str:
+        """A step of what nothing holds: its momentum is then known, to the last bits that iterations leave undone."""
+        before = self._state.momenta()
+        failure = self._stepped()
+        self._state.set_momenta(before + self._state.impulses())
         return failure
 
     def _stepped(self) -> str:
@@ -113,15 +121,11 @@ class Motion:
             if max(grip.drive.start, 0.0) != time:
                 continue
             bodies = (self._shown(number) for number in range(len(self._model.bodies)))
-            if not any(grip.holds(places, self._room).any() for places in (self._places(), *bodies)):
+            if not any(grip.holds(places, self._room).any() for places in (self._state.places, *bodies)):
                 self._idle.append(
                     f"a drive ({type(grip.drive).__name__}) reaches no node and no rigid body as it begins,"
                     f" at {time:.3g} s: give it a region of a cell at least, or one where matter is"
                 )
-
-    def _places(self) -> Array:
-        """Where nodes are, (M, 3) [m]."""
-        return self._state.rest + self._state.displacements
 
     def _shown(self, number: int) -> Array:
         """Where the centre of a rigid body and some of its points are, (K, 3) [m]."""
@@ -131,7 +135,7 @@ class Motion:
 
     def _grip_nodes(self, active: list[Grip], step: float) -> tuple[Array, Array, Array]:
         """Make held nodes go where drives take them: which they are, and their places and velocities at the end."""
-        places = self._places()
+        places = self._state.places
         if self._sticky:
             self._stuck |= sticking(self._problem.colliders, places, self._room)
         held, ends, velocities = self._stuck.copy(), places.copy(), np.zeros_like(places)
@@ -166,73 +170,14 @@ class Motion:
                 found.append(goal)
         return found
 
-    def _blow(self, time: float, step: float) -> None:
-        """Drag towards the air's velocity, dv/dt = k (u - v), as if implicit in v: it never overshoots."""
-        if not self._problem.force_fields:
-            return
-        forces = self._state.data.qfrc_applied
-        forces[:] = 0.0
-        winds = [one for one in self._problem.force_fields if isinstance(one, Wind) and one.start <= time < one.end]
-        length, count = self._model.units.length, self._model.nodes
-        places, speeds = self._places(), self._state.velocities
-        for wind in winds:
-            rate = wind.drag / (1 + step * wind.drag)
-            inside = np.ones(count) if wind.region is None else wind.region.signed_distance(places) <= 0
-            pull = (rate * self._nodal_masses * inside)[:, None] * (np.asarray(wind.velocity) - speeds)
-            forces[: 3 * count] += pull.ravel() / length
-            for number, body in enumerate(self._model.bodies):
-                turn, centre = self._state.pose(number)
-                if wind.region is not None and wind.region.signed_distance(centre[None])[0] > 0:
-                    continue
-                velocity, spin = self._state.twist(number)
-                mass = body.matter.mass / self._model.units.mass
-                inertia = body.inertia / (self._model.units.mass * length**2)
-                own = forces[3 * count + 6 * number :]
-                own[:3] += rate * mass * (np.asarray(wind.velocity) - velocity) / length
-                own[3:6] -= rate * inertia @ (turn.T @ spin)
-
     def strike(self, impulse: Impulse) -> None:
         """Share an impulse among the matter in its region, in proportion to mass."""
-        struck: list[tuple[Array, Array]] = []
-        for part, places in self._matter():
-            inside = impulse.region.signed_distance(places) <= 0
-            struck.append((np.where(inside, part.masses, 0.0), places))
-        total = sum(float(masses.sum()) for masses, _ in struck)
-        if total == 0.0:
+        if not strike(impulse, self._model, self._state):
             self._idle.append(
                 f"an impulse reaches nothing, at {impulse.start:.3g} s: give it a region where matter is at that time"
             )
             return
         self._begun = True
-        change = np.asarray(impulse.impulse) / total
-        speeds = self._state.velocities
-        for cage, first, (masses, _) in zip(self._model.cages, self._model.first_nodes, struck):
-            own = slice(first, first + len(cage.masses))
-            share = np.asarray(cage.embedding.weights().T @ masses) / np.maximum(cage.masses, 1e-300)
-            speeds[own] += share[:, None] * change
-        self._state.send(np.ones(len(speeds), dtype=bool), speeds)
-        for number, (masses, places) in enumerate(struck[len(self._model.cages) :]):
-            body = self._model.bodies[number]
-            turn, centre = self._state.pose(number)
-            velocity, spin = self._state.twist(number)
-            kick = masses.sum() * change
-            torque = np.cross(masses @ (places - centre), change)
-            inertia = turn @ body.inertia @ turn.T
-            self._state.push(number, velocity + kick / body.matter.mass, spin + np.linalg.solve(inertia, torque))
-
-    def _matter(self) -> list[tuple[Any, Array]]:
-        """All matter of each cage and body, and where it is now, (N, 3) [m]."""
-        found: list[tuple[Any, Array]] = []
-        moved = self._state.displacements
-        for cage, first in zip(self._model.cages, self._model.first_nodes):
-            out = np.empty_like(cage.matter.positions)
-            rows = np.arange(len(out), dtype=np.int32)
-            cage.embedding.carry(moved[first : first + len(cage.masses)], cage.matter.positions, rows, out)
-            found.append((cage.matter, out))
-        for number, body in enumerate(self._model.bodies):
-            turn, centre = self._state.pose(number)
-            found.append((body.matter, centre + (body.matter.positions - body.centre) @ turn.T))
-        return found
 
     # Looking ----------------------------------------------------------------------------------------------------------
 
@@ -244,7 +189,7 @@ class Motion:
 
     def bounds(self) -> tuple[Array, Array]:
         """Corners (3,), (3,) [m] of a box that no point is outside of: that of nodes, and of balls around bodies."""
-        found = [self._places()]
+        found = [self._state.places]
         for number, radius in enumerate(self._radii):
             centre = self._state.pose(number)[1]
             found.append(np.stack([centre - radius, centre + radius]))

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.detector import sound_speed
 from gasp_core.engine.forcing import Impulse
 from gasp_core.engine.stability import substeps_to
 from gasp_core.engine.stepped import SteppedSession, StoppedError
 from gasp_core.errors import SceneError
-from gasp_mujoco_flex.model import Model
+from gasp_mujoco_flex.model import Model, fastest_sound
 from gasp_mujoco_flex.motion import Motion
 from gasp_mujoco_flex.stepping import step_size
 
@@ -39,8 +38,8 @@ class MujocoSession(SteppedSession[Motion]):
         note: str = "",
         restart: Mapping[str, Array] | None = None,
     ) -> None:
-        used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
-        self._sound = max((speed for speed in map(sound_speed, used) if math.isfinite(speed)), default=0.0)
+        self._sound = fastest_sound(problem)
+        self._size = model.units.length
         self._side = min((float(cage.lattice.sides.min()) for cage in model.cages), default=math.inf)
         self._smallest = min([self._side, *(float(np.cbrt(one.matter.volumes.sum())) for one in model.bodies)])
         motion = Motion(problem, model, accuracy.solver_tolerance)
@@ -64,6 +63,7 @@ class MujocoSession(SteppedSession[Motion]):
         allowed = step_size(
             self._accuracy,
             span=self._span,
+            size=self._size,
             side=self._smallest,
             sound=self._sound,
             speed=motion.speed(),

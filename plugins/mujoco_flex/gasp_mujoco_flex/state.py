@@ -21,7 +21,7 @@ class State:
     """What changes.
 
     MuJoCo holds displacements of nodes, the positions and quaternions of bodies, and of these the spin in their own
-    axes; lengths in `Model.units`.
+    axes; all in `Model.units`.
 
     Parameters
     ----------
@@ -32,17 +32,22 @@ class State:
     def __init__(self, model: Model) -> None:
         self.data: Any = mujoco.MjData(model.mj)
         self._model = model
-        self._length = model.units.length
+        self._length, self._time, self._speed = model.units.length, model.units.time, model.units.speed
         count, bodies = model.nodes, len(model.bodies)
         self.rest: Array = np.concatenate([np.zeros((0, 3)), *(cage.positions for cage in model.cages)])
         """Of the nodes, (M, 3) [m]."""
         self._moved = self.data.qpos[: 3 * count].reshape(count, 3)
         self._speeds = self.data.qvel[: 3 * count].reshape(count, 3)
+        self._masses = np.ascontiguousarray(model.nodal_masses)
+        self._cages = [
+            (slice(first, first + len(cage.masses)), float(self._masses[first : first + len(cage.masses)].sum()))
+            for cage, first in zip(model.cages, model.first_nodes)
+        ]
         self._poses = self.data.qpos[3 * count :].reshape(bodies, 7)
         self._turning = self.data.qvel[3 * count :].reshape(bodies, 6)
-        self._speeds[:] = np.concatenate([np.zeros((0, 3)), *(cage.velocities for cage in model.cages)]) / self._length
+        self._speeds[:] = np.concatenate([np.zeros((0, 3)), *(cage.velocities for cage in model.cages)]) / self._speed
         for row, body in zip(self._turning, model.bodies):
-            row[:3], row[3:] = body.velocity / self._length, body.spin
+            row[:3], row[3:] = body.velocity / self._speed, body.spin * self._time
 
     @property
     def displacements(self) -> Array:
@@ -50,18 +55,42 @@ class State:
         return self._moved * self._length
 
     @property
+    def places(self) -> Array:
+        """Where the nodes are, (M, 3) [m]."""
+        return self.rest + self.displacements
+
+    @property
     def velocities(self) -> Array:
         """Of the nodes, (M, 3) [m/s]."""
-        return self._speeds * self._length
+        return self._speeds * self._speed
 
     def place(self, which: Array, positions: Array, velocities: Array) -> None:
         """Put the nodes `which` (M,) at positions (M, 3) [m], with velocities (M, 3) [m/s]."""
         self._moved[which] = (positions - self.rest)[which] / self._length
-        self._speeds[which] = velocities[which] / self._length
+        self._speeds[which] = velocities[which] / self._speed
 
     def send(self, which: Array, velocities: Array) -> None:
         """Give the nodes `which` (M,) velocities (M, 3) [m/s]."""
-        self._speeds[which] = velocities[which] / self._length
+        self._speeds[which] = velocities[which] / self._speed
+
+    def momenta(self) -> Array:
+        """Of each cage, (C, 3), in `Model.units`."""
+        return np.array([self._masses[own] @ self._speeds[own] for own, _ in self._cages]).reshape(-1, 3)
+
+    def impulses(self) -> Array:
+        """What weight, what was applied and contacts gave to each cage in the last step, (C, 3), in `Model.units`."""
+        option = self._model.mj.opt
+        outer = (self.data.qfrc_applied + self.data.qfrc_constraint)[: self._speeds.size].reshape(-1, 3)
+        return np.array(
+            [option.timestep * (mass * option.gravity + outer[own].sum(axis=0)) for own, mass in self._cages]
+        ).reshape(-1, 3)
+
+    def set_momenta(self, momenta: Array) -> None:
+        """Make the last step end with these momenta (C, 3) of the cages: by one velocity more for all of a cage."""
+        for (own, mass), missing in zip(self._cages, momenta - self.momenta()):
+            change = missing / mass
+            self._speeds[own] += change
+            self._moved[own] += change * self._model.mj.opt.timestep
 
     def pose(self, number: int) -> tuple[Array, Array]:
         """How a body has turned (3, 3), and where its centre is (3,) [m]."""
@@ -73,7 +102,8 @@ class State:
 
     def twist(self, number: int) -> tuple[Array, Array]:
         """Velocity of a body's centre and its spin, (3,) [m/s], (3,) [rad/s], in the axes of the world."""
-        return self._turning[number, :3] * self._length, self.pose(number)[0] @ self._turning[number, 3:]
+        velocity, spin = self._turning[number, :3] * self._speed, self._turning[number, 3:] / self._time
+        return velocity, self.pose(number)[0] @ spin
 
     def lay(self, number: int, turn: Array, centre: Array) -> None:
         """Turn a body (3, 3) and put its centre (3,) [m]."""
@@ -82,8 +112,8 @@ class State:
 
     def push(self, number: int, velocity: Array, spin: Array) -> None:
         """Give a body's centre a velocity (3,) [m/s] and it a spin (3,) [rad/s], in the axes of the world."""
-        self._turning[number, :3] = velocity / self._length
-        self._turning[number, 3:] = self.pose(number)[0].T @ spin
+        self._turning[number, :3] = velocity / self._speed
+        self._turning[number, 3:] = self.pose(number)[0].T @ spin * self._time
 
     def save(self) -> Array:
         """All of it, in one row of MuJoCo's own order."""

@@ -11,14 +11,15 @@ __all__ = ["step_size"]
 _FEWEST, _MOST = 10, 40
 """Steps in what one advance asks for. Frames show what happens in them: fewer would damp what they can show. And where
 sound crosses a cell faster than so many steps can follow, it is what frames cannot show, and may be damped."""
-_FRAME = 0.04
-"""Of time [s]: an advance that is longer is no reason for longer steps, by which all that falls or slides is off."""
+_FALL = 0.1
+"""Of the time in which the largest body falls its own length: an advance that is longer is no reason for longer steps,
+by which all that falls or slides is off."""
 _FLIGHT = 0.5
 """In cells: no node goes further in a step, so that none passes through what is a cell thick."""
 
 
 def step_size(
-    accuracy: EngineAccuracy, *, span: float, side: float, sound: float, speed: float, acceleration: float
+    accuracy: EngineAccuracy, *, span: float, size: float, side: float, sound: float, speed: float, acceleration: float
 ) -> float:
     """The step [s] to take: the override, or what resolves motion, sound and flight.
 
@@ -29,6 +30,8 @@ def step_size(
     ----------
     span
         Of the advance [s].
+    size
+        Of the largest body [m].
     side
         Of the smallest cell [m]; infinite where there is none.
     sound
@@ -40,7 +43,7 @@ def step_size(
     """
     if accuracy.substep is not None:
         return accuracy.substep
-    frame = min(span, _FRAME)
+    frame = min(span, _FALL * math.sqrt(2 * size / acceleration)) if acceleration > 0 else span
     crossing = accuracy.substep_fraction * side / sound if sound > 0 else math.inf
     way = _FLIGHT * side
     rate = speed + math.sqrt(speed**2 + 4 * acceleration * way) if math.isfinite(way) else 0.0

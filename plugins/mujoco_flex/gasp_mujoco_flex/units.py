@@ -15,7 +15,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Units:
-    """Lengths and masses of about 1, and an origin near the matter; seconds stay seconds.
+    """Lengths, masses and accelerations of about 1, and an origin near the matter.
 
     Parameters
     ----------
@@ -24,11 +24,29 @@ class Units:
         [m]
     mass
         [kg]
+    time
+        [s]
     """
 
     origin: Array
     length: float
     mass: float
+    time: float
+
+    @property
+    def speed(self) -> float:
+        """[m/s]"""
+        return self.length / self.time
+
+    @property
+    def acceleration(self) -> float:
+        """[m/s^2]"""
+        return self.speed / self.time
+
+    @property
+    def force(self) -> float:
+        """[N]"""
+        return self.mass * self.acceleration
 
     def place(self, positions: Array) -> Array:
         """Positions (..., 3) [m] in the backend's frame."""
