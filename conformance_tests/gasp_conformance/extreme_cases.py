@@ -201,14 +201,18 @@ def _pair(subject: Subject, ratio: float, gap: float, velocity: float, **scene: 
 
 
 def heavy_meets_light(subject: Subject, ratio: float) -> Meeting:
-    """A cube `ratio` times as dense runs into a resting one, weightless; long enough for both to come to terms."""
-    velocity = 0.5
-    problem = _pair(subject, ratio, 0.75, velocity, gravity=NO_GRAVITY)
+    """A cube `ratio` times as dense runs into a resting one, weightless; long enough for both to come to terms.
+
+    On a grid they feel each other from a cell and a half away, as the run begins; elsewhere as the gap has closed.
+    Either way there is as much time again in which the light one goes where it was sent.
+    """
+    velocity, gap = 0.5, 0.75
+    problem = _pair(subject, ratio, gap, velocity, gravity=NO_GRAVITY)
     masses = problem.masses
     light = problem.points.body_ids == 0
     start = masses @ problem.points.initial_velocities
     error, after = 0.0, 0.0
-    times = np.linspace(0, 0.6, 7)[1:]
+    times = np.linspace(0, 2 * gap / velocity, 21)[1:]
     for state in subject.states(problem, EngineAccuracy(spacing=0.5), times, {Field.VELOCITIES}):
         change = masses @ state.velocities - start
         error = max(error, float(np.linalg.norm(change) / np.linalg.norm(start)))

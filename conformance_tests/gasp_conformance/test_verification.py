@@ -157,9 +157,13 @@ def test_v8_rigid_spin_finely(subject: Subject, ledger: Ledger, cells: int) -> N
 def judge_spin(subject: Subject, ledger: Ledger, cells: int) -> None:
     kept = cases.block_spins(subject, cells)
     conserves = Quantity.ANGULAR_MOMENTUM in subject.descriptor.capabilities.conserved
-    expected = 1.0 if conserves else oracles.spin_kept_by_affine_start_at_rest(1.0, 1.0 / cells)
     # What elastic breathing and the fit of a rigid rotation leave open.
-    ledger.at_most(f"V8 {cells} cells", "spin kept - expected", kept - expected, 0.005)
+    breathing = 0.005
+    # Nothing turns it: no engine may make spin. One that does not declare to keep it may lose what affine fields that
+    # start at rest take, and is not to be blamed where it loses less.
+    least = 1.0 if conserves else oracles.spin_kept_by_affine_start_at_rest(1.0, 1.0 / cells)
+    ledger.at_most(f"V8 {cells} cells", "spin kept", kept, 1 + breathing)
+    ledger.at_least(f"V8 {cells} cells", "spin kept", kept, least - breathing)
     if conserves and cells >= 8:
         # An engine that starts with the gradient of the initial velocities loses nothing to its affine fields.
         ledger.at_least(f"V8 {cells} cells", "spin kept", kept, 0.9999)
@@ -250,11 +254,14 @@ def judge_tank(subject: Subject, ledger: Ledger, cells: int) -> None:
 
 
 def rounding_of(subject: Subject, substeps: int) -> float:
-    """Distance over size that rounding leaves between two runs that are one on paper."""
+    """Distance over size that rounding, and iterations that end, leave between two runs that are one on paper."""
     # Each substep rounds a coordinate of the order of the body's size some five times (weights, there and back, place),
     # and all of it adds up straight: that covers the tens of times by which a contact magnifies a disturbance. It is
     # 1e-4 after 300 substeps in float32.
-    return 5 * substeps * unit_roundoff(subject)
+    # Where a step is iterated, rounding decides which iteration is the last one. That leaves the tolerance asked for of
+    # what the step changes, which is less than the body's size.
+    iterated = metamorphic.SOLVER_TOLERANCE if subject.descriptor.capabilities.iterates else 0.0
+    return substeps * (5 * unit_roundoff(subject) + iterated)
 
 
 def judge_departure(subject: Subject, ledger: Ledger, case: str, change: Change, found: metamorphic.Departure) -> None:

@@ -353,6 +353,9 @@ class EngineCapabilities:
         How far a second run agrees on the first of `devices`; on any other it is `Determinism.TOLERANCE`.
     temporal_order
         Order of convergence under joint refinement of grid and substep for smooth motion.
+    iterates
+        Whether steps are solved by iteration, to `EngineAccuracy.solver_tolerance`: two runs that are one on paper may
+        then part by that much a step, and not by rounding alone.
     """
 
     materials: frozenset[type[Material]]
@@ -369,6 +372,7 @@ class EngineCapabilities:
     determinism: Determinism
     domain_policies: frozenset[DomainPolicy] = frozenset({DomainPolicy.EXPAND})
     temporal_order: float = 1.0
+    iterates: bool = False
     carries_tracers: bool = False
     checkpoints: bool = False
 

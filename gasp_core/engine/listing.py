@@ -114,6 +114,7 @@ def _capabilities(can: EngineCapabilities) -> dict[str, Any]:
         "determinism": can.determinism.value,
         "domain_policies": sorted(policy.value for policy in can.domain_policies),
         "temporal_order": can.temporal_order,
+        "iterates": can.iterates,
         "carries_tracers": can.carries_tracers,
         "checkpoints": can.checkpoints,
     }

@@ -83,6 +83,11 @@ class Model:
         return sum(len(cage.masses) for cage in self.cages)
 
     @property
+    def factored(self) -> bool:
+        """Whether contacts are solved by Newton's method."""
+        return bool(self.mj.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON)
+
+    @property
     def nodal_masses(self) -> Array:
         """Of the nodes of all cages, (M,), in `units`."""
         return self.mj.body_mass[1 : 1 + self.nodes]

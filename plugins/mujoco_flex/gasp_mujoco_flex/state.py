@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_mujoco_flex.balance import rigid_share
 from gasp_mujoco_flex.model import Model
 
 __all__ = ["State"]
@@ -39,9 +40,9 @@ class State:
         self._moved = self.data.qpos[: 3 * count].reshape(count, 3)
         self._speeds = self.data.qvel[: 3 * count].reshape(count, 3)
         self._masses = np.ascontiguousarray(model.nodal_masses)
+        self._rest = model.units.place(self.rest)
         self._cages = [
-            (slice(first, first + len(cage.masses)), float(self._masses[first : first + len(cage.masses)].sum()))
-            for cage, first in zip(model.cages, model.first_nodes)
+            slice(first, first + len(cage.masses)) for cage, first in zip(model.cages, model.first_nodes)
         ]
         self._poses = self.data.qpos[3 * count :].reshape(bodies, 7)
         self._turning = self.data.qvel[3 * count :].reshape(bodies, 6)
@@ -73,24 +74,26 @@ class State:
         """Give the nodes `which` (M,) velocities (M, 3) [m/s]."""
         self._speeds[which] = velocities[which] / self._speed
 
-    def momenta(self) -> Array:
-        """Of each cage, (C, 3), in `Model.units`."""
-        return np.array([self._masses[own] @ self._speeds[own] for own, _ in self._cages]).reshape(-1, 3)
+    def nodal_motion(self) -> tuple[Array, Array]:
+        """Copies of places and velocities of the nodes, (M, 3), in `Model.units`."""
+        return self._rest + self._moved, self._speeds.copy()
 
-    def impulses(self) -> Array:
-        """What weight, what was applied and contacts gave to each cage in the last step, (C, 3), in `Model.units`."""
+    def keep_momenta(self, places: Array, speeds: Array) -> None:
+        """Take from the last step what it did to the momenta of cages without a cause outside of them.
+
+        Parameters
+        ----------
+        places, speeds : (M, 3)
+            Of `nodal_motion` before the step.
+        """
         option = self._model.mj.opt
-        outer = (self.data.qfrc_applied + self.data.qfrc_constraint)[: self._speeds.size].reshape(-1, 3)
-        return np.array(
-            [option.timestep * (mass * option.gravity + outer[own].sum(axis=0)) for own, mass in self._cages]
-        ).reshape(-1, 3)
-
-    def set_momenta(self, momenta: Array) -> None:
-        """Make the last step end with these momenta (C, 3) of the cages: by one velocity more for all of a cage."""
-        for (own, mass), missing in zip(self._cages, momenta - self.momenta()):
-            change = missing / mass
+        outer = (self.data.qfrc_applied + self.data.qfrc_constraint)[: speeds.size].reshape(-1, 3)
+        masses = self._masses[:, None]
+        missing = masses * (speeds - self._speeds + option.timestep * option.gravity) + option.timestep * outer
+        for own in self._cages:
+            change = rigid_share(self._masses[own], places[own], missing[own])
             self._speeds[own] += change
-            self._moved[own] += change * self._model.mj.opt.timestep
+            self._moved[own] += option.timestep * change
 
     def pose(self, number: int) -> tuple[Array, Array]:
         """How a body has turned (3, 3), and where its centre is (3,) [m]."""
