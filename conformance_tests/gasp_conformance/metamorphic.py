@@ -35,7 +35,7 @@ __all__ = [
 Array = NDArray[Any]
 
 SOLVER_TOLERANCE = 1e-12
-"""Asked of engines that iterate, so that what they leave undone in hundreds of substeps is far below what a fault does."""
+"""Asked of engines that iterate: what they leave undone in hundreds of substeps is then far below what a fault does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

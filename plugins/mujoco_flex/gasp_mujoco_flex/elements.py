@@ -1,4 +1,4 @@
-"""The stiffness of one cell of a cage: a hexahedron with incompatible modes."""
+"""The stiffness of one cell of a cage: a hexahedron of assumed stresses."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def cell_stiffness(sides: ArrayLike, law: Array) -> Array:
     """Stiffness (24, 24) [N/m] of a box, rows x, y, z of each of `CORNERS`, by eight-point Gauss quadrature.
 
     Trilinear displacements alone cannot bend: a cell that should curve shears instead, and one that keeps its volume
-    locks. So each component has three modes of the cell's own, 1 - xi^2 along each axis, which no neighbour sees; they
-    are eliminated by static condensation (Wilson et al. 1973, "Incompatible displacement models"; on boxes they pass
-    the patch test as they stand, Taylor, Beresford and Wilson 1976, 10.1002/nme.1620100602). A constant strain does not
-    move them, so that stretch and shear stay exact.
+    locks. So the stresses of a cell are assumed, 18 of them, and of all that are in equilibrium in it, the ones are
+    taken whose strains come nearest to those of the displacements (Hellinger and Reissner; Pian and Tong 1986,
+    Int. J. Numer. Meth. Engng 22, 173). Constant strains have the energy of Hooke's law, so does pure bending, and as
+    compliances are finite at any ratio up to 1/2, nothing locks.
 
     Parameters
     ----------
@@ -44,17 +44,29 @@ def cell_stiffness(sides: ArrayLike, law: Array) -> Array:
     """
     half = np.asarray(sides, dtype=float) / 2
     signs = 2.0 * CORNERS - 1
-    stiffness = np.zeros((33, 33))
+    compliance = np.linalg.inv(law)
+    flexibility, coupling = np.zeros((18, 18)), np.zeros((18, 24))
     for place in _GAUSS * signs:
-        # d/dx of prod (1 + s xi) / 8, and of 1 - xi^2.
+        # d/dx of prod (1 + s xi) / 8.
         parts = 1 + signs * place
-        slopes = signs * parts[:, [1, 2, 0]] * parts[:, [2, 0, 1]] / 8
-        gradients = np.concatenate([slopes, np.diag(-2 * place)]) / half
-        strain = np.concatenate([_strain(gradient) for gradient in gradients], axis=1)
-        stiffness += strain.T @ law @ strain * half.prod()
-    nodal, own = slice(0, 24), slice(24, 33)
-    condensed = np.linalg.solve(stiffness[own, own], stiffness[own, nodal])
-    return _balanced(stiffness[nodal, nodal] - stiffness[nodal, own] @ condensed)
+        slopes = signs * parts[:, [1, 2, 0]] * parts[:, [2, 0, 1]] / 8 / half
+        strain = np.concatenate([_strain(slope) for slope in slopes], axis=1)
+        stress = _stresses(place)
+        flexibility += stress.T @ compliance @ stress * half.prod()
+        coupling += stress.T @ strain * half.prod()
+    return _balanced(coupling.T @ np.linalg.solve(flexibility, coupling))
+
+
+def _stresses(place: Array) -> Array:
+    """The assumed stresses (6, 18) at a place (3,) from -1 to 1: each constant, and what bends and twists a box."""
+    x, y, z = place
+    modes = np.zeros((6, 18))
+    modes[:, :6] = np.eye(6)
+    modes[0, 6:9] = y, z, y * z
+    modes[1, 9:12] = z, x, z * x
+    modes[2, 12:15] = x, y, x * y
+    modes[[3, 4, 5], [15, 16, 17]] = z, x, y
+    return modes
 
 
 def _balanced(stiffness: Array) -> Array:

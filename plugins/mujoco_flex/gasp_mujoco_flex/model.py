@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.detector import sound_speed
 from gasp_core.engine.forcing import Collider, ContactCondition, Side
 from gasp_core.engine.materials import Elastic
 from gasp_core.errors import SceneError
@@ -22,9 +20,9 @@ from gasp_mujoco_flex.elements import cell_stiffness, elasticity
 from gasp_mujoco_flex.obstacles import geoms_of
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody
-from gasp_mujoco_flex.units import Units
+from gasp_mujoco_flex.units import Units, units_of
 
-__all__ = ["Model", "build_model", "fastest_sound"]
+__all__ = ["Model", "build_model"]
 
 Array = NDArray[Any]
 
@@ -40,8 +38,6 @@ _TOUCHING = 1e-3
 """In cells: what begins deeper than this inside something would be thrown out of it."""
 _LEAST_MASS = 1e-6
 """Of the mean: a node to which no point gives weight still has to have a mass."""
-_SLOWEST = 1e4
-"""Times in which sound crosses the largest body, in the unit of time: stiffness in it should not go beyond all bounds."""
 _FACTORED = 1500
 """Nodes up to which contacts are solved by Newton's method: it takes no longer than conjugate gradients (91 and 94 ms a
 step of 1,000 nodes on a floor, 11 and 18 of 343), and ends at rounding rather than at their last iteration. Its
@@ -106,7 +102,7 @@ def build_model(
     SceneError
         Where MuJoCo refuses it.
     """
-    units = _units(problem, cages, bodies)
+    units = units_of(problem, cages, bodies)
     spec = mujoco.MjSpec()
     _set_options(spec, problem, units, sum(len(cage.masses) for cage in cages))
     crowded = _overlap(cages, bodies)
@@ -143,26 +139,6 @@ def build_model(
         gentle_geoms=np.array(gentle, dtype=bool),
         gentle_flexes=np.full(compiled.nflex, crowded),
     )
-
-
-def _units(problem: PointProblem, cages: Sequence[Cage], bodies: Sequence[RigidBody]) -> Units:
-    """The largest body is 1 long, and a mean node or body has mass 1; it falls with 1, or sound crosses it in 1."""
-    clouds = [part.matter.positions for part in (*cages, *bodies)]
-    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
-    lengths = [float((cage.lattice.sides * cage.lattice.shape).max()) for cage in cages]
-    lengths += [float(np.cbrt(body.matter.volumes.sum())) for body in bodies]
-    masses = np.concatenate([*(cage.masses for cage in cages), [body.matter.mass for body in bodies]])
-    length, gravity, sound = max(lengths), math.hypot(*problem.gravity), fastest_sound(problem)
-    crossing = length / sound if sound > 0 else 1.0
-    time = min(math.sqrt(length / gravity), _SLOWEST * crossing) if gravity > 0 else crossing
-    return Units(origin=(low + high) / 2, length=length, mass=float(masses.mean()), time=time)
-
-
-def fastest_sound(problem: PointProblem) -> float:
-    """Of what a scene is made of [m/s]; 0 where nothing in it has a speed of sound."""
-    used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
-    return max((speed for speed in map(sound_speed, used) if math.isfinite(speed)), default=0.0)
 
 
 def _set_options(spec: Any, problem: PointProblem, units: Units, nodes: int) -> None:

@@ -14,9 +14,10 @@ from gasp_core.engine.forcing import Impulse
 from gasp_core.engine.stability import substeps_to
 from gasp_core.engine.stepped import SteppedSession, StoppedError
 from gasp_core.errors import SceneError
-from gasp_mujoco_flex.model import Model, fastest_sound
+from gasp_mujoco_flex.model import Model
 from gasp_mujoco_flex.motion import Motion
 from gasp_mujoco_flex.stepping import step_size
+from gasp_mujoco_flex.units import fastest_sound
 
 __all__ = ["MujocoSession"]
 

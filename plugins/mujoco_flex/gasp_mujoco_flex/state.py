@@ -41,9 +41,7 @@ class State:
         self._speeds = self.data.qvel[: 3 * count].reshape(count, 3)
         self._masses = np.ascontiguousarray(model.nodal_masses)
         self._rest = model.units.place(self.rest)
-        self._cages = [
-            slice(first, first + len(cage.masses)) for cage, first in zip(model.cages, model.first_nodes)
-        ]
+        self._cages = [slice(first, first + len(cage.masses)) for cage, first in zip(model.cages, model.first_nodes)]
         self._poses = self.data.qpos[3 * count :].reshape(bodies, 7)
         self._turning = self.data.qvel[3 * count :].reshape(bodies, 6)
         self._speeds[:] = np.concatenate([np.zeros((0, 3)), *(cage.velocities for cage in model.cages)]) / self._speed
