@@ -75,6 +75,12 @@ class Cage:
         """Six a cell, as nodes (6 C, 4), of positive volume."""
         return self.corners[:, _TETRAHEDRA].reshape(-1, 4)
 
+    def inside_out(self, places: Array) -> Array:
+        """Which cells (C,) have no volume left in their middle, or less, with nodes at places (M, 3)."""
+        at = places[self.corners].reshape(-1, 2, 2, 2, 3)
+        edges = [np.diff(at, axis=axis).reshape(-1, 4, 3).mean(axis=1) for axis in (1, 2, 3)]
+        return np.linalg.det(np.stack(edges, axis=1)) <= 0
+
 
 def cage_of(matter: Matter, lattice: Lattice) -> Cage:
     """The cage of the cells of a lattice that hold matter."""

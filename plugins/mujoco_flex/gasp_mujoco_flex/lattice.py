@@ -17,6 +17,7 @@ Array = NDArray[Any]
 _BLOCKED = 5
 """Of the six rays along the axes. An object that stood on a table was never seen from below."""
 _LARGEST_LATTICE = 2**24
+_TIE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,8 @@ def lattice_around(positions: Array, margin: float, side: float) -> Lattice:
         Where the cloud is so wide that the lattice would have more than 2^24 cells.
     """
     lower, upper = positions.min(axis=0) - margin, positions.max(axis=0) + margin
-    counts = np.maximum(np.rint((upper - lower) / side), 1.0)
+    # What is half a cell between two numbers of them is not left to rounding.
+    counts = np.maximum(np.rint((upper - lower) / side * (1 - _TIE)), 1.0)
     if counts.prod() > _LARGEST_LATTICE:
         raise SceneError(
             f"points of one body are up to {float((upper - lower).max()):.3g} m apart, too far for cells of"

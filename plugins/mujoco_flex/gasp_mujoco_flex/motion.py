@@ -215,9 +215,24 @@ class Motion:
         ]
         for kind in told:
             warning[kind].number = 0
+        found += self._mirrored()
         found += self._idle
         self._idle = []
         return found
+
+    def _mirrored(self) -> list[str]:
+        places = self._state.places
+        flags = [
+            cage.inside_out(places[first : first + len(cage.masses)])
+            for cage, first in zip(self._model.cages, self._model.first_nodes)
+        ]
+        count = sum(int(each.sum()) for each in flags)
+        if not count:
+            return []
+        return [
+            f"{count} of {sum(map(len, flags))} cells are turned inside out, and what is in them is shown so: matter is"
+            " hit harder than it can bear; make it stiffer"
+        ]
 
     def positions(self) -> Array:
         """Of the scene's points, (N, 3) [m]."""

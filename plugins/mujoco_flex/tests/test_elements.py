@@ -41,3 +41,11 @@ def test_a_cell_bends_as_a_beam_does():
     length, width, height = SIDES
     expected = 1e5 * width * height**3 / 12 * length
     assert moved @ stiffness @ moved == pytest.approx(expected, rel=1e-10)
+
+
+def test_keeping_its_volume_stiffens_a_cell_in_one_motion_alone():
+    # What a ratio near to 1/2 forbids is that its volume changes; a cell that locks is stiffened in others as well.
+    nearly, more_nearly = (
+        np.linalg.eigvalsh(cell_stiffness(SIDES, elasticity(1e5, ratio))) for ratio in (0.4999, 0.499999)
+    )
+    assert (more_nearly[6:] > 2 * nearly[6:]).sum() == 1

@@ -47,6 +47,12 @@ def test_nodes_are_those_of_occupied_cells():
     assert node_count(lattice, two, filled=False) == 15
 
 
+def test_rounding_does_not_decide_how_many_cells_there_are():
+    # Two and a half cells.
+    for size in (0.25 * (1 - 1e-15), 0.25, 0.25 * (1 + 1e-15)):
+        assert lattice_around(np.array([[0.0, 0, 0], [size, size, size]]), 0.0, 0.1).shape == (2, 2, 2)
+
+
 def test_a_cloud_too_wide_is_refused():
     with pytest.raises(SceneError, match="too far for cells"):
         lattice_around(np.array([[0.0, 0, 0], [100.0, 100, 100]]), 0.0, 0.01)

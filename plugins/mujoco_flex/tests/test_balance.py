@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import numpy as np
+from gasp_mujoco_flex.balance import rigid_share
+
+
+def test_a_step_leaves_the_momenta_that_it_should():
+    rng = np.random.default_rng(0)
+    masses, places, before, after, outer = rng.random(20) + 0.1, *rng.normal(size=(4, 20, 3))
+    step = 0.3
+    velocities = after + rigid_share(masses, places, masses[:, None] * (before - after) + step * outer)
+    ends = places + step * velocities
+    momenta = masses[:, None] * velocities
+    # To the rounding of some hundred terms of about 1.
+    np.testing.assert_allclose(momenta.sum(axis=0), (masses[:, None] * before + step * outer).sum(axis=0), atol=1e-12)
+    # About the centre of mass of either time.
+    turning = np.cross(ends - masses @ ends / masses.sum(), momenta).sum(axis=0)
+    arms = places - masses @ places / masses.sum()
+    expected = np.cross(arms, masses[:, None] * before + step * outer).sum(axis=0)
+    np.testing.assert_allclose(turning, expected, atol=1e-12)
+    # It moves them as a rigid body.
+    share = rigid_share(masses, places, masses[:, None] * (before - after) + step * outer)
+    apart = places[:, None] - places
+    assert np.abs(np.einsum("ijk,ijk->ij", apart, share[:, None] - share)).max() <= 1e-12
