@@ -23,10 +23,10 @@ Array = NDArray[Any]
 
 _HELD = 1e8
 """Inertia of what is held, in mean nodes: nothing moves it but its drive."""
-_FACTORED, _ITERATED = 1e-14, 1e-4
+_FACTORED, _ITERATED = 1e-14, 1e-6
 """MuJoCo's tolerance, over the one asked for. It is an absolute one of contacts, of mass times acceleration squared: a
 body of a ten-thousandth of the mass, at a hundredth of the acceleration, is 1e-8. By Newton's method exactness costs a
-tenth of a step; by conjugate gradients it is not to be had."""
+tenth of a step; conjugate gradients end at their last iteration first."""
 _SAMPLE = 500
 """Points of a rigid body that are asked whether a drive reaches it."""
 
