@@ -59,7 +59,8 @@ def test_a_soft_body_keeps_its_momenta_in_long_steps(block, opened):
 
 def nodal_momenta(session):
     """Momentum, and angular momentum about the origin, of a session's nodes."""
-    state, model = session._motion._state, session._motion._model
+    motion = session._living()
+    state, model = motion._state, motion._model
     masses = model.nodal_masses[:, None] * model.units.mass
     return (masses * state.velocities).sum(axis=0), np.cross(state.places, masses * state.velocities).sum(axis=0)
 
