@@ -10,8 +10,11 @@ import time
 from pathlib import Path
 
 import numpy as np
+from gasp_mujoco_flex.elements import CORNERS, cell_stiffness, elasticity
 from gasp_mujoco_flex.engine import MujocoFlex
 from gasp_mujoco_flex.plugin import MujocoOptions
+from scipy import sparse
+from scipy.sparse.linalg import cg
 
 import gasp_core as gasp
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
@@ -80,12 +83,39 @@ def cantilever(ratio, cells):
         session.advance_to(2.0)
         moved = places - session.read(frozenset()).positions
     x = places[:, 0]
-    tip = x == x.max()
-    place = float(x.max())
-    load, area, inertia = density * gravity * 0.04, 0.04, 0.2**4 / 12
-    bending = load * place**2 * (6 - 4 * place + place**2) / (24 * modulus * inertia)
-    shear = load * (place - place**2 / 2) / (5 / 6 * modulus / (2 * (1 + ratio)) * area)
-    print(f"  nu {ratio}, {5 * cells} x {cells} x {cells} cells: {moved[tip, 2].mean() / (bending + shear):.3f}")
+    tip = moved[x == x.max(), 2].mean() / sag(float(x.max()), ratio, density * gravity / modulus)
+    # The same cells, four times as fine, in one linear solve: a clamp that lets no cross section shrink is stiffer than
+    # theory, the more so the nearer the ratio is to 1/2.
+    print(
+        f"  nu {ratio}, {5 * cells} x {cells} x {cells} cells: {tip:.3f} of theory;"
+        f" of a solid clamped at its end {tip / solid(ratio, 4 * cells):.3f}"
+    )
+
+
+def sag(x, ratio, load):
+    """Timoshenko's of the beam's axis under a weight of `load` [1/m] over the modulus, in place of both."""
+    bending = load * 0.04 * x**2 * (6 - 4 * x + x**2) / (24 * 0.2**4 / 12)
+    return bending + load * (x - x**2 / 2) / (5 / 6 / (2 * (1 + ratio)))
+
+
+def solid(ratio, cells):
+    """Mean drop of the beam's end face over Timoshenko's, of so many cells across, for a small load."""
+    shape = np.array([5 * cells, cells, cells])
+    corners = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1).reshape(-1, 1, 3) + CORNERS
+    nodes = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), tuple(shape + 1))
+    rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1, 24)
+    cell = cell_stiffness(np.full(3, 0.2 / cells), elasticity(1.0, ratio)).ravel()
+    entries = (np.tile(cell, len(rows)), (np.repeat(rows, 24, axis=1).ravel(), np.tile(rows, 24).ravel()))
+    # The nodes of the clamped face come first.
+    held = 3 * (cells + 1) ** 2
+    stiffness = sparse.csr_array(entries)[held:, held:]
+    load = np.zeros(3 * int((shape + 1).prod()))
+    np.add.at(load, rows[:, 2::3], (0.2 / cells) ** 3 / 8)
+    jacobi = sparse.diags_array(1 / stiffness.diagonal())
+    moved, _ = cg(stiffness, load[held:], rtol=1e-8, M=jacobi)
+    face = moved.reshape(-1, cells + 1, cells + 1, 3)[-1, :, :, 2]
+    weights = np.outer(*[np.r_[0.5, np.ones(cells - 1), 0.5]] * 2)
+    return float(np.average(face, weights=weights)) / sag(1.0, ratio, 1.0)
 
 
 def drop(elements):

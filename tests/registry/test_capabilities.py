@@ -123,7 +123,7 @@ def test_each_capability_that_is_missing_is_refused(refusal):
 
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
-    described = {"conserved", "determinism", "temporal_order"}
+    described = {"conserved", "determinism", "temporal_order", "iterates"}
     tried = {name for less in LESS.values() for name in less}
     assert tried == {field.name for field in dataclasses.fields(EngineCapabilities)} - described
 

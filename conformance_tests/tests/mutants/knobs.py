@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from gasp_reference_mpm.engine import ReferenceMpm
+from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem
@@ -30,6 +32,21 @@ class LimitIgnored(Mutant):
 
     def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
         return replace(accuracy, substep_limit=10**9)
+
+
+@mutant(
+    "tolerance-in-metres-a-second",
+    {"V16[units of 10 m]": "distance / size"},
+    slow=["V16[units of 10 m]"],
+)
+class ToleranceInMetresASecond(Mutant):
+    """It says that it iterates, and does so to a micrometre a second, whatever tolerance is asked for."""
+
+    declares = replace(CAPABILITIES, iterates=True)
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        points = problem.points
+        return replace(problem, points=replace(points, initial_velocities=np.round(points.initial_velocities, 6)))
 
 
 @mutant("cells-never-below-a-centimetre", {"scale": "distance / size"})

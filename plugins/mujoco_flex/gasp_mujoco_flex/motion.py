@@ -100,6 +100,8 @@ class Motion:
 
     def _free_step(self) -> str:
         """A step of what nothing holds: it is known then what becomes of momenta."""
+        if not self._model.cages:
+            return self._stepped()
         places, speeds = self._state.nodal_motion()
         failure = self._stepped()
         self._state.keep_momenta(places, speeds)
