@@ -38,7 +38,9 @@ def rigid_share(masses: Array, places: Array, missing: Array) -> Array:
     squares = arms.T @ (masses[:, None] * arms)
     inertia = np.trace(squares) * np.eye(3) - squares
     crossed = missing.T @ arms
-    spin = np.linalg.solve(inertia, _vector(crossed.T - crossed))
+    # What has shrunk to a line has no axis to take up spin about, and what is not finite is judged elsewhere.
+    turns = np.linalg.det(inertia) > 0
+    spin = np.linalg.solve(inertia, _vector(crossed.T - crossed)) if turns else np.zeros(3)
     # arms @ A = spin x arms.
     x, y, z = spin
     return missing.sum(axis=0) / mass + arms @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

@@ -104,7 +104,8 @@ class Motion:
             return self._stepped()
         places, speeds = self._state.nodal_motion()
         failure = self._stepped()
-        self._state.keep_momenta(places, speeds)
+        if not failure:
+            self._state.keep_momenta(places, speeds)
         return failure
 
     def _stepped(self) -> str:
