@@ -423,6 +423,8 @@ class Crush:
         Why it ended: the engine's status, or what the detector says that watches every frame; "" for a run to the end.
     size_after
         Mean extent at the end, over that at the start.
+    size_of_all_energy
+        What it would be of a block that is stretched evenly and holds all that it began with.
     drift
         Largest distance of the centre of mass from where it was [m].
     untold
@@ -433,6 +435,7 @@ class Crush:
     smallest_ratio: float
     stopped: str
     size_after: float
+    size_of_all_energy: float
     drift: float
     untold: int
 
@@ -440,8 +443,9 @@ class Crush:
 def block_crushes_itself(subject: Subject, rates: ArrayLike) -> Crush:
     """A weightless block in which all points fly towards its middle planes, at `rates` (3,) [speeds of sound / m]."""
     block = _block(3)
-    material = _solid(subject, DENSITY, 1e4, 0.3)
-    sound = oracles.bar_speed(1e4, DENSITY)
+    modulus, ratio = 1e4, 0.3
+    material = _solid(subject, DENSITY, modulus, ratio)
+    sound = oracles.bar_speed(modulus, DENSITY)
     problem = PointProblem(
         points=cloud_of([block], [-sound * (block - block.mean(axis=0)) * rates], 1 / 3),
         materials=(material,),
@@ -460,12 +464,19 @@ def block_crushes_itself(subject: Subject, rates: ArrayLike) -> Crush:
     size = np.ptp(block, axis=0)
     moved = [(state.positions - block).mean(axis=0) for state in run.states]
     shown = [state.deformation_gradients for state in run.states]
+    energy = 0.5 * float(problem.masses @ (problem.points.initial_velocities**2).sum(axis=1))
+    shear_modulus = modulus / (2 * (1 + ratio))
+    volume = float(problem.points.reference_volumes.sum())
     inverted = [found is not None and bool((np.linalg.det(found) <= 0).any()) for found in shown[1:]]
     return Crush(
         run=run,
         smallest_ratio=min(_volume_ratio(state, size) for state in believed),
         stopped=stopped,
         size_after=float(np.mean(np.ptp(run.states[-1].positions, axis=0) / size)),
+        # Stretched by s along its axes it holds V mu sum (s - 1)^2 at least if it is corotated (Stomakhin et al. 2012),
+        # and half of that if it is neo-Hookean, s - 1 being above ln s. The mean of three numbers is no more than the
+        # root of the mean of their squares.
+        size_of_all_energy=1 + math.sqrt(2 * energy / (3 * shear_modulus * volume)),
         drift=float(np.linalg.norm(moved, axis=1).max()),
         untold=sum(turned and not report.warnings for turned, report in zip(inverted, run.reports)),
     )

@@ -198,9 +198,10 @@ def test_inversion(subject: Subject, ledger: Ledger) -> None:
         _sound(case, crush.run)
         ledger.at_most(case, "frames with inverted points untold", crush.untold, 0)
         if not crush.stopped:
-            # Ringing about its old size: what the crushing took from it is at most a half.
+            # Ringing about its old size: what the crushing took from it is at most a half, and it stretches no further
+            # than the energy of the crushing bears, if none of it is lost.
             ledger.at_least(case, "size after / before", crush.size_after, 0.5)
-            ledger.at_most(case, "size after / before", crush.size_after, 2.0)
+            ledger.at_most(case, "size after / before", crush.size_after, crush.size_of_all_energy)
     mild = cases.block_crushes_itself(subject, (1, 1, 1))
     # Half of its energy is kinetic when it has two fifths of its volume: no reason to give up.
     _done("a block pressed to two fifths", mild.run)
