@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Snow
-from gasp_core.engine.stability import rest_bound, snow_stiffening, stiffening
+from gasp_core.engine.materials import Fluid, Material, Metal, Snow
+from gasp_core.engine.stability import hencky_stiffening, rest_bound, snow_stiffening, stiffening
 from gasp_genesis_mpm.motion import Motion
 from gasp_genesis_mpm.portions import Portion
 
@@ -22,17 +22,28 @@ def stable_step(problem: PointProblem, portions: tuple[Portion, ...], motion: Mo
     """Largest stable substep [s], of the point that bears least.
 
     A point whose volume is less than that of its portion is as stiff as the portion and lighter: its step is shorter by
-    the root of the ratio. Fluids stiffen as solids do, in Genesis by 2 J^2 - J.
+    the root of the ratio.
     """
     volumes = problem.points.reference_volumes
     bound = np.inf
     for portion in portions:
         rows = portion.rows
-        growth = stiffening(motion.deformations[rows])
-        if isinstance(portion.material, Snow):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                hardened = np.log(np.maximum(motion.history[rows], 1e-300))
-            growth = growth * snow_stiffening(hardened, portion.material.hardening)
+        growth = _growth(portion.material, motion.deformations[rows], motion.history[rows])
         lightness = portion.volume / volumes[rows]
         bound = min(bound, rest_bound(portion.material, spacing) / float(np.sqrt((growth * lightness).max())))
     return bound
+
+
+def _growth(material: Material, deformations: Array, history: Array) -> Array:
+    """Factors (n,) by which points are stiffer than at rest, of F (n, 3, 3) and Genesis' Jp (n,)."""
+    match material:
+        case Fluid():
+            # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
+            return np.maximum(stiffening(deformations), np.linalg.det(deformations) ** -8)
+        case Metal():
+            return hencky_stiffening(deformations)
+        case Snow():
+            hardened = np.log(np.maximum(history, 1e-300))
+            return stiffening(deformations) * snow_stiffening(hardened, material.hardening)
+        case _:
+            return stiffening(deformations)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Sand
+from gasp_core.engine.materials import Metal, Sand
 from gasp_core.errors import SceneError
 from gasp_genesis_mpm.motion import Motion
 from gasp_genesis_mpm.seeding import seeded_affine_velocities
@@ -32,8 +31,6 @@ class Start:
     ----------
     time
         [s]
-    pace
-        The substep of before [s]; infinite where there was none.
     motion
         Of the points.
     window
@@ -41,17 +38,16 @@ class Start:
     """
 
     time: float
-    pace: float
     motion: Motion
     window: Window | None
 
 
-def stored(time: float, pace: float, motion: Motion, window: Window, origin: Array, spacing: float) -> dict[str, Array]:
+def stored(time: float, motion: Motion, window: Window, origin: Array, spacing: float) -> dict[str, Array]:
     """Arrays from which a session goes on as if nothing had happened."""
     arrays = {name: getattr(motion, name).copy() for name in _MOTION}
     grid = np.array([window.shift, window.half])
     frame = np.array([*origin, spacing])
-    return {"time": np.array(time), "pace": np.array(pace), "frame": frame, "window": grid, **arrays}
+    return {"time": np.array(time), "frame": frame, "window": grid, **arrays}
 
 
 def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin: Array, spacing: float) -> Start:
@@ -63,11 +59,11 @@ def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin:
         Where the checkpoint is of another problem.
     """
     if restart is None:
-        return Start(time=0.0, pace=math.inf, motion=_beginning(problem, origin, spacing), window=None)
+        return Start(time=0.0, motion=_beginning(problem, origin, spacing), window=None)
     count = len(problem.points)
     shapes = {"cells": (count, 3), "velocities": (count, 3), "history": (count,)}
     shapes |= {"affine_velocities": (count, 3, 3), "deformations": (count, 3, 3)}
-    for name, shape in {"time": (), "pace": (), "frame": (4,), "window": (2, 3), **shapes}.items():
+    for name, shape in {"time": (), "frame": (4,), "window": (2, 3), **shapes}.items():
         found = np.shape(restart[name]) if name in restart else "nothing"
         if found != shape:
             raise SceneError(
@@ -82,18 +78,18 @@ def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin:
     shift, half = ((int(x), int(y), int(z)) for x, y, z in restart["window"])
     motion = Motion(**{name: np.array(restart[name], dtype=np.float64) for name in _MOTION})
     window = Window(shift=shift, half=half)
-    return Start(time=float(restart["time"]), pace=float(restart["pace"]), motion=motion, window=window)
+    return Start(time=float(restart["time"]), motion=motion, window=window)
 
 
 def _beginning(problem: PointProblem, origin: Array, spacing: float) -> Motion:
     points = problem.points
     cells = (points.reference_positions - origin) / spacing
-    loose = np.array([isinstance(material, Sand) for material in problem.materials])
+    from_nothing = np.array([isinstance(material, Sand | Metal) for material in problem.materials])
     return Motion(
         cells=cells,
         velocities=points.initial_velocities.copy(),
         affine_velocities=seeded_affine_velocities(cells, problem.masses, points.initial_velocities) / spacing,
         deformations=np.tile(np.eye(3), (len(points), 1, 1)),
-        # Sand remembers a logarithm, everything else a ratio.
-        history=np.where(loose[points.material_ids], 0.0, 1.0),
+        # Sand remembers a logarithm and metal a strain, everything else a ratio.
+        history=np.where(from_nothing[points.material_ids], 0.0, 1.0),
     )

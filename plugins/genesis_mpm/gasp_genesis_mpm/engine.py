@@ -13,7 +13,6 @@ from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.forcing import Side
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_core.errors import EngineEnvironmentError, SceneError
-from gasp_genesis_mpm.laws import refuse_unknown
 from gasp_genesis_mpm.session import GenesisSession
 
 __all__ = ["GenesisMpm"]
@@ -58,11 +57,9 @@ class GenesisMpm:
         Raises
         ------
         SceneError
-            Where a fixed substep is above the stable bound, a material has what Genesis does not know, points start
-            inside a collider or are too far apart for one grid, or the checkpoint is of another problem.
+            Where a fixed substep is above the stable bound, points start inside a collider or are too far apart for one
+            grid, or the checkpoint is of another problem.
         """
-        for index in np.unique(problem.points.material_ids):
-            refuse_unknown(problem.materials[index])
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)
         refuse_buried(problem, spacing)

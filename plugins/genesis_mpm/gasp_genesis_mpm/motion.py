@@ -8,12 +8,14 @@ neither the size of a scene nor its place decides about rounding.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.engine.materials import Fluid
 from gasp_genesis_mpm.laws import Law, law_of, stiffness_of
 from gasp_genesis_mpm.portions import Portion
 
@@ -42,9 +44,10 @@ class Motion:
     affine_velocities : (N, 3, 3) [1/s]
         C.
     deformations : (N, 3, 3)
-        F; the elastic part of what flows, before the last strain has been returned to what it bears.
+        F; the elastic part of what flows, before the last strain has been returned to what it bears; J^(1/3) I of fluids.
     history : (N,)
-        Genesis' Jp. Sand: the logarithm of the volume ratio gained while loose. Snow: J_P. Nothing else has any.
+        Genesis' Jp. Sand: the logarithm of the volume ratio gained while loose. Snow: J_P. Metal: equivalent plastic
+        strain. Nothing else has any.
     """
 
     cells: Array
@@ -92,10 +95,28 @@ class Units:
     def _stress_scale(self) -> float:
         return _STIFFEST / max(stiffness_of(portion.material) * portion.volume for portion in self.portions)
 
-    def laws(self, step: float) -> tuple[Law, ...]:
-        """Genesis' material of every portion, for substeps of `step` [s]."""
+    def laws(self) -> tuple[Law, ...]:
+        """The law of every portion."""
         scale = self._stress_scale
-        return tuple(law_of(portion.material, scale * portion.volume, step) for portion in self.portions)
+        return tuple(law_of(portion.material, scale * portion.volume) for portion in self.portions)
+
+    def actuations(self, step: float) -> Array:
+        """What substeps of `step` [s] make of a fluid's viscosity, (N,) in Genesis' order; 0 for all else."""
+        return self._spread(
+            portion.material.viscosity / (portion.material.bulk_modulus * step)
+            if isinstance(portion.material, Fluid)
+            else 0.0
+            for portion in self.portions
+        )
+
+    @property
+    def _flows(self) -> Array:
+        """Which rows (N,), in Genesis' order, are of fluids."""
+        return self._spread(isinstance(portion.material, Fluid) for portion in self.portions)
+
+    def _spread(self, values: Iterable[float]) -> Array:
+        """To each point (N,), in Genesis' order, the value of its portion."""
+        return np.repeat(np.array(list(values)), [len(portion.rows) for portion in self.portions])
 
     def scaled_masses(self, step: float) -> Array:
         """Genesis' masses (N,), in its order, for substeps of `step` [s].
@@ -115,23 +136,39 @@ class Units:
         """Genesis' numbers of a motion, for substeps of `step` [s], `shift` (3,) cells from the session's origin.
 
         Genesis strains F at the beginning of a substep, by the C of the one before: its F is that of the positions one
-        step back.
+        step back. A fluid's is always that at rest, and its history the volume ratio one step back.
         """
         order, rate = self.order, step / TICK
-        strain = np.eye(3) + step * motion.affine_velocities[order]
+        affine, deformations, history = (
+            rows[order] for rows in (motion.affine_velocities, motion.deformations, motion.history)
+        )
+        flows = self._flows
+        history[flows] = np.linalg.det(deformations[flows]) / self._dilation(affine[flows], step)
+        deformations = np.linalg.solve(np.eye(3) + step * affine, deformations)
+        deformations[flows] = np.eye(3)
         return Numbers(
             positions=motion.cells[order] - shift,
             velocities=motion.velocities[order] * (rate / self.spacing),
-            affine_velocities=motion.affine_velocities[order] * rate,
-            deformations=np.linalg.solve(strain, motion.deformations[order]),
-            history=motion.history[order],
+            affine_velocities=affine * rate,
+            deformations=deformations,
+            history=history,
         )
+
+    @staticmethod
+    def _dilation(affine: Array, step: float) -> Array:
+        """By what factors (n,) volumes grow in a substep, of C (n, 3, 3) [1/s]."""
+        return np.clip(1 + step * np.trace(affine, axis1=1, axis2=2), 0.1, 10.0)
 
     def motion(self, numbers: Numbers, shift: Array, step: float) -> Motion:
         """The inverse of `numbers`."""
         order, rate = self.order, step / TICK
         affine = numbers.affine_velocities / rate
         deformations = (np.eye(3) + step * affine) @ numbers.deformations
+        history = numbers.history.copy()
+        flows = self._flows
+        ratios = history[flows] * self._dilation(affine[flows], step)
+        deformations[flows] = np.cbrt(ratios)[:, None, None] * np.eye(3)
+        history[flows] = 1.0
 
         def restored(rows: Array) -> Array:
             given = np.empty_like(rows)
@@ -143,5 +180,5 @@ class Units:
             velocities=restored(numbers.velocities * (self.spacing / rate)),
             affine_velocities=restored(affine),
             deformations=restored(deformations),
-            history=restored(numbers.history),
+            history=restored(history),
         )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Fluid
 from gasp_core.engine.stability import rest_bound
 from gasp_genesis_mpm.motion import Motion, Units
 from gasp_genesis_mpm.portions import Portion, portions_of
@@ -24,15 +22,10 @@ Array = NDArray[Any]
 _NOTHING = 1e-12
 """Of a stable substep: in less than that, nothing moves by more than rounding. Genesis' masses, which grow with the
 inverse square of the substep, would have no number."""
-_VISCOUS_GRAIN = 0.02
-"""Of the logarithm of a substep: how finely the viscosity of a fluid, which is compiled for a substep, follows it."""
 
 
 class Performance:
     """A scene of Genesis and the place of its grid.
-
-    `is_made_for_a_step` where another substep wants another scene, which takes seconds to build: where a fluid is
-    viscous.
 
     Parameters
     ----------
@@ -69,9 +62,6 @@ class Performance:
         self._places = np.array([(wall.place - origin) / spacing for wall in self._walls]).reshape(-1, 3)
         bound = min(rest_bound(portion.material, spacing) for portion in self.portions)
         self._nothing = _NOTHING * bound
-        self.is_made_for_a_step = any(
-            isinstance(one.material, Fluid) and one.material.viscosity > 0 for one in self.portions
-        )
         self._blueprint: Any = None
         self._stage: Any = None
         lender.enter()
@@ -90,11 +80,12 @@ class Performance:
         if step < self._nothing:
             return motion
         self.window = self.window.recentred(motion.cells)
-        self._fit(step)
+        self._fit()
         shift = np.array(self.window.shift, dtype=np.float64)
         self._stage.write(
             units.numbers(motion, shift, step),
             units.scaled_masses(step),
+            units.actuations(step),
             units.scaled_gravity(self._problem.gravity, step),
             self._places - shift,
         )
@@ -113,16 +104,14 @@ class Performance:
         self._give_back()
         lender.leave()
 
-    def _fit(self, step: float) -> None:
-        """Have the scene that this window and this substep want."""
+    def _fit(self) -> None:
+        """Have the scene that this window wants."""
         from gasp_genesis_mpm.stage import Blueprint
 
-        if self.is_made_for_a_step:
-            step = math.exp(_VISCOUS_GRAIN * round(math.log(step) / _VISCOUS_GRAIN))
         wanted = Blueprint(
             half=self.window.half,
             counts=tuple(len(portion.rows) for portion in self.portions),
-            laws=self._units.laws(step),
+            laws=self._units.laws(),
             walls=tuple(wall.kind for wall in self._walls),
         )
         if wanted != self._blueprint:

@@ -29,8 +29,6 @@ _LONGEST_BATCH = 20
 """Substeps between two looks at what bounds them."""
 _BATCH_TRAVEL = 0.5
 """In cells: how far a point may fly between two looks."""
-_SAME_PACE = 1e-6
-"""Relative: times of frames are sums, and their differences are not the same to the last digit."""
 
 
 class GenesisSession(SteppedSession[Performance]):
@@ -51,7 +49,7 @@ class GenesisSession(SteppedSession[Performance]):
         self._origin = grid_node(problem, spacing)
         self._hardening = hardening_of(problem)
         start = restored(restart, problem, self._origin, spacing)
-        self._pace, self._motion = start.pace, start.motion
+        self._motion = start.motion
         self._inverted = 0
         try:
             performance = Performance(problem, spacing, self._origin, start.motion, start.window)
@@ -81,7 +79,7 @@ class GenesisSession(SteppedSession[Performance]):
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
         window = self._living().window
-        return stored(self._time, self._pace, self._motion, window, self._origin, self._spacing)
+        return stored(self._time, self._motion, window, self._origin, self._spacing)
 
     def _release(self, held: Performance) -> None:
         held.end()
@@ -94,7 +92,7 @@ class GenesisSession(SteppedSession[Performance]):
         limits = self._limits()
         allowed = substep_size(limits, self._spacing, self._accuracy)
         self._refuse_too_many(allowed, end)
-        count, step = self._paced(landing - self._time, allowed)
+        count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
         try:
@@ -109,19 +107,6 @@ class GenesisSession(SteppedSession[Performance]):
         # The last batch lands on the very number that was asked for, not on a sum of steps.
         self._took(taking, step, landing if taking == count else self._time + taking * step)
         self._refuse_leap(step)
-
-    def _paced(self, remaining: float, allowed: float) -> tuple[int, float]:
-        """Number and size [s] of equal steps that land on the end of `remaining` [s].
-
-        Those of before, where another size would cost a scene, as long as they land there and are neither too large
-        nor less than half of what is allowed.
-        """
-        if self._living().is_made_for_a_step and self._pace <= allowed < 2 * self._pace:
-            count = round(remaining / self._pace)
-            if count and abs(remaining / count / self._pace - 1) < _SAME_PACE:
-                return count, remaining / count
-        count, self._pace = substeps_to(remaining, allowed)
-        return count, self._pace
 
     def _limits(self) -> MotionLimits:
         motion = self._motion

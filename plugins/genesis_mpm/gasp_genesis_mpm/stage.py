@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from gasp_genesis_mpm import matter
 from gasp_genesis_mpm.laws import Law
 from gasp_genesis_mpm.motion import TICK, Numbers
 from gasp_genesis_mpm.walls import WallKind
@@ -70,9 +71,10 @@ class Stage:
             show_viewer=False,
         )
         for count, law in zip(blueprint.counts, blueprint.laws):
+            kind = getattr(matter, law.name, None) or getattr(genesis.materials.MPM, law.name)
             self._scene.add_entity(
                 morph=genesis.morphs.Nowhere(n_particles=count),
-                material=getattr(genesis.materials.MPM, law.name)(rho=1.0, **dict(law.parameters)),
+                material=kind(rho=1.0, **dict(law.parameters)),
                 surface=genesis.surfaces.Default(vis_mode="particle"),
             )
         self._walls = [self._wall(kind) for kind in blueprint.walls]
@@ -94,14 +96,21 @@ class Stage:
             morph = genesis.morphs.Plane(normal=kind.normal, visualization=False)
         return self._scene.add_entity(morph=morph, material=rigid)
 
-    def write(self, numbers: Numbers, masses: Array, gravity: tuple[float, float, float], walls: Array) -> None:
+    def write(
+        self,
+        numbers: Numbers,
+        masses: Array,
+        actuations: Array,
+        gravity: tuple[float, float, float],
+        walls: Array,
+    ) -> None:
         """Set everything that is not compiled.
 
         Parameters
         ----------
         numbers
             The points.
-        masses : (N,)
+        masses, actuations : (N,)
         gravity
         walls : (W, 3)
             Their places.
@@ -113,9 +122,9 @@ class Stage:
             (state.C, numbers.affine_velocities),
             (state.F, numbers.deformations),
             (state.Jp, numbers.history),
+            (state.actu, actuations),
         ):
             target[0] = torch.from_numpy(np.ascontiguousarray(source))
-        state.actu[:] = 0
         state.active[:] = True
         self._solver.set_state(0, state)
         mass = self._solver.particles_info.mass
