@@ -6,21 +6,17 @@ import importlib.util
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
-from gasp_core.engine.forcing import Side
 from gasp_core.engine.stability import refuse_unstable_substep
-from gasp_core.errors import EngineEnvironmentError, SceneError
+from gasp_core.errors import EngineEnvironmentError
 from gasp_genesis_mpm.session import GenesisSession
+from gasp_genesis_mpm.starts import starts_inside
 
 __all__ = ["GenesisMpm"]
 
 Array = NDArray[Any]
-
-_DEPTH = 0.5
-"""In cells: how far inside a collider a point may start. Walls act at nodes, and nodes are felt no finer."""
 
 
 class GenesisMpm:
@@ -57,30 +53,10 @@ class GenesisMpm:
         Raises
         ------
         SceneError
-            Where a fixed substep is above the stable bound, points start inside a collider or are too far apart for one
-            grid, or the checkpoint is of another problem.
+            Where a fixed substep is above the stable bound, more than a few points start inside a collider, points are
+            too far apart for one grid, or the checkpoint is of another problem.
         """
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)
-        refuse_buried(problem, spacing)
-        return GenesisSession(problem, spacing, accuracy, restart)
-
-
-def refuse_buried(problem: PointProblem, spacing: float) -> None:
-    """Refuse points that start inside a collider: Genesis would keep them there.
-
-    Raises
-    ------
-    SceneError
-        Naming the deepest point and the collider.
-    """
-    for number, collider in enumerate(problem.colliders, start=1):
-        depth = -collider.shape.signed_distance(problem.points.reference_positions)
-        if collider.side is Side.INSIDE:
-            depth = -depth
-        deepest = int(np.argmax(depth))
-        if depth[deepest] > _DEPTH * spacing:
-            raise SceneError(
-                f"point {deepest} starts {depth[deepest]:.3g} m inside collider {number} ({collider.shape.kind}):"
-                " move the object or the collider"
-            )
+        notes = () if restart is not None else tuple(starts_inside(problem, spacing))
+        return GenesisSession(problem, spacing, accuracy, restart, notes)

@@ -44,7 +44,8 @@ class Motion:
     affine_velocities : (N, 3, 3) [1/s]
         C.
     deformations : (N, 3, 3)
-        F; the elastic part of what flows, before the last strain has been returned to what it bears; J^(1/3) I of fluids.
+        F; the elastic part of what flows, before the last strain has been returned to what it bears; J^(1/3) I of
+        fluids.
     history : (N,)
         Genesis' Jp. Sand: the logarithm of the volume ratio gained while loose. Snow: J_P. Metal: equivalent plastic
         strain. Nothing else has any.
