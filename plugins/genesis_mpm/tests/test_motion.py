@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gasp_genesis_mpm.motion import PARTICLE_VOLUME, TICK, Motion, Units
@@ -7,13 +9,14 @@ from gasp_genesis_mpm.portions import portions_of
 from gasp_genesis_mpm.seeding import seeded_affine_velocities
 
 from gasp_core.engine.contract import PointCloud, PointProblem
-from gasp_core.engine.materials import Elastic, Sand
+from gasp_core.engine.materials import Elastic, Fluid, Sand
 
 COUNT = 40
 MATERIALS = (
     Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3),
     Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2),
 )
+HONEY = Fluid(density=1300.0, bulk_modulus=1e5, viscosity=10.0)
 
 
 @pytest.fixture
@@ -64,7 +67,7 @@ def test_a_substep_of_genesis_is_a_substep_of_ours(units: Units, problem: PointP
     # What a stress of a thousandth of the modulus does to the point itself, in cells a substep.
     masses = units.scaled_masses(step)
     first = 0
-    for portion, law in zip(units.portions, units.laws(step)):
+    for portion, law in zip(units.portions, units.laws()):
         rows = slice(first, first + len(portion.rows))
         modulus = dict(law.parameters)["E"]
         found = TICK * TICK * PARTICLE_VOLUME * 4e-3 * modulus / masses[rows]
@@ -79,6 +82,25 @@ def test_the_first_strain_of_genesis_lands_on_the_deformation_given(units: Units
     numbers = units.numbers(motion, np.zeros(3), step)
     strained = (np.eye(3) + TICK * numbers.affine_velocities) @ numbers.deformations
     np.testing.assert_allclose(strained, motion.deformations[units.order], rtol=0, atol=1e-13)
+
+
+def test_a_fluid_keeps_its_volume_from_one_substep_to_another_of_another_size(problem: PointProblem) -> None:
+    """And nothing of its shape; its viscosity goes with the substep, so that none is compiled."""
+    fluid = replace(problem, materials=(HONEY, MATERIALS[1]))
+    units = Units(spacing=0.05, portions=portions_of(fluid), masses=fluid.masses)
+    flows = np.isin(np.arange(COUNT), np.flatnonzero(problem.points.material_ids == 0))
+    motion = some_motion()
+    ratios = np.linalg.det(motion.deformations[flows])
+    for step in (1e-4, 3e-3):
+        numbers = units.numbers(motion, np.zeros(3), step)
+        rows = flows[units.order]
+        assert np.array_equal(numbers.deformations[rows], np.tile(np.eye(3), (rows.sum(), 1, 1)))
+        motion = units.motion(numbers, np.zeros(3), step)
+        np.testing.assert_allclose(
+            motion.deformations[flows], np.cbrt(ratios)[:, None, None] * np.eye(3), rtol=0, atol=1e-14
+        )
+        assert np.array_equal(units.actuations(step)[~rows], np.zeros((~rows).sum()))
+        np.testing.assert_allclose(units.actuations(step)[rows] * step, 1e-4, rtol=1e-14)
 
 
 def test_an_affine_field_is_seeded_with_its_gradient() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from gasp_genesis_mpm.engine import GenesisMpm, refuse_buried
+from gasp_genesis_mpm.engine import GenesisMpm
 from gasp_genesis_mpm.plugin import ENVIRONMENT, gasp_point_engines
+from gasp_genesis_mpm.starts import starts_inside
 
 from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem
 from gasp_core.engine.forcing import Collider, Side
@@ -55,17 +57,39 @@ def test_numbers_that_mean_nothing_never_reach_genesis(attempt) -> None:
 
 def test_matter_that_starts_in_the_floor_is_refused_by_its_deepest_point() -> None:
     sunk = problem([[0.0, 0.0, 1.0], [0.0, 0.0, -0.3], [0.0, 0.0, -0.1]], colliders=(TANK, FLOOR))
-    with pytest.raises(SceneError, match=r"point 1 starts 0\.3 m inside collider 2 \(plane\)"):
-        refuse_buried(sunk, 0.1)
+    with pytest.raises(SceneError, match=r"the deepest is point 1, start up to 0\.3 m inside collider 2 \(plane\)"):
+        list(starts_inside(sunk, 0.1))
 
 
 def test_matter_that_starts_outside_its_container_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"point 0 .* collider 1 \(box\)"):
-        refuse_buried(problem([[1.2, 0.0, 0.0]], colliders=(TANK,)), 0.1)
+    with pytest.raises(SceneError, match=r"point 0, .* collider 1 \(box\)"):
+        list(starts_inside(problem([[1.2, 0.0, 0.0]], colliders=(TANK,)), 0.1))
 
 
 def test_a_touch_within_half_a_cell_is_none() -> None:
-    refuse_buried(problem([[0.0, 0.0, -0.049]], colliders=(FLOOR, TANK)), 0.1)
+    assert not list(starts_inside(problem([[0.0, 0.0, -0.049]], colliders=(FLOOR, TANK)), 0.1))
+
+
+@pytest.mark.parametrize("depth", [0.06, 3.0])
+def test_a_hundredth_of_a_body_may_start_in_the_floor_and_is_told_of(depth: float) -> None:
+    """A trained splat has such points."""
+    column = np.linspace([0.0, 0.0, 0.1], [0.0, 0.0, 1.0], 100)
+    column[17, 2] = -depth
+    (told,) = starts_inside(problem(column, colliders=(FLOOR,)), 0.1)
+    assert told.startswith(f"1 point(s), the deepest is point 17, start up to {depth:g} m inside collider 1 (plane)")
+    column[18, 2] = -depth
+    with pytest.raises(SceneError, match=r"^2 point\(s\).* 0\.02 of a body's mass"):
+        list(starts_inside(problem(column, colliders=(FLOOR,)), 0.1))
+
+
+def test_a_small_body_in_the_floor_does_not_hide_behind_a_large_one() -> None:
+    column = np.linspace([0.0, 0.0, 0.1], [0.0, 0.0, 1.0], 300)
+    column[0, 2] = -0.5
+    scene = problem(column, colliders=(FLOOR,))
+    assert list(starts_inside(scene, 0.1))
+    alone = replace(scene, points=replace(scene.points, body_ids=np.minimum(np.arange(300), 1)))
+    with pytest.raises(SceneError, match="1 of a body's mass"):
+        list(starts_inside(alone, 0.1))
 
 
 def test_without_genesis_the_engine_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
