@@ -65,6 +65,12 @@ class Performance:
         self._blueprint: Any = None
         self._stage: Any = None
         lender.enter()
+        try:
+            # Here and not with the first substep, so that what takes seconds is not taken from a frame's time.
+            self._fit()
+        except BaseException:
+            lender.leave()
+            raise
 
     def play(self, motion: Motion, count: int, step: float) -> Motion:
         """The motion after `count` substeps of `step` [s].

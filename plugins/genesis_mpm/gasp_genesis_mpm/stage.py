@@ -80,6 +80,21 @@ class Stage:
         self._walls = [self._wall(kind) for kind in blueprint.walls]
         self._scene.build()
         self._solver = self._scene.mpm_solver
+        self._rehearse(sum(blueprint.counts))
+
+    def _rehearse(self, count: int) -> None:
+        """Have everything compiled that a substep takes: it belongs to opening a scene, not to its first frame."""
+        nothing = np.zeros((count, 3))
+        at_rest = Numbers(
+            positions=nothing,
+            velocities=nothing,
+            affine_velocities=np.zeros((count, 3, 3)),
+            deformations=np.tile(np.eye(3), (count, 1, 1)),
+            history=np.ones(count),
+        )
+        self.write(at_rest, np.ones(count), np.zeros(count), (0.0, 0.0, 0.0), np.zeros((len(self._walls), 3)))
+        self.step(1)
+        self.read()
 
     def _wall(self, kind: WallKind) -> Any:
         rigid = genesis.materials.Rigid(
