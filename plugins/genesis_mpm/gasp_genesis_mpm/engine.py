@@ -53,8 +53,8 @@ class GenesisMpm:
         Raises
         ------
         SceneError
-            Where a fixed substep is above the stable bound, more than a few points start inside a collider, points are
-            too far apart for one grid, or the checkpoint is of another problem.
+            Where a fixed substep is above the stable bound, points are too far apart for one grid, or the checkpoint is
+            of another problem.
         """
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)

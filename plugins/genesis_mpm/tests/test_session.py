@@ -93,20 +93,24 @@ def test_honey_that_spreads_evenly_is_neither_pulled_back_nor_driven_apart(engin
     assert off <= 0.2 / 3 * 0.2 * np.linalg.norm(arms, axis=1).max()
 
 
-def test_a_stray_point_in_the_floor_is_held_there_and_the_rest_stands(engine) -> None:
-    """A hundredth of the body, three cells down: told of once, and a floor that everything else stands on."""
-    start = block(corner=(0.37, -0.21, 0.005))
-    start[100, 2] = -0.3
+def test_what_starts_in_a_wall_is_held_there_and_told_of_once(engine) -> None:
+    """A point three cells down in the floor, and a body deep in a box: as with contact at nodes anywhere."""
+    upper, lower = block(corner=(0.37, -0.21, 0.005)), block(corner=(3.0, -0.15, -0.15))
+    upper[100, 2] = -0.3
+    start = np.concatenate([upper, lower])
     floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)), friction=0.5)
-    with opened(engine, thrown(start, colliders=(floor,))) as session:
+    slab = Collider(shape=BoxShape(center=(3.15, 0.0, -0.5), half_extents=(0.6, 0.6, 0.5)), friction=0.5)
+    with opened(engine, thrown(start, colliders=(floor, slab))) as session:
         first, second = session.advance_to(0.2), session.advance_to(0.4)
         end = session.read(ALL).positions
     assert first.status is second.status is Status.OK
-    (told,) = first.warnings
-    assert "the deepest is point 100, start up to 0.3 m inside collider 1" in told and not second.warnings
+    assert len(first.warnings) == 2 and not second.warnings
+    assert "collider 1 (plane), point 100 the deepest with 0.3 m" in first.warnings[0]
+    assert "collider 2 (box)" in first.warnings[1]
     # Nodes in the floor let nothing go further down; rounding is that of a cell's coordinate.
     assert abs(end[100, 2] + 0.3) < 1e-4 * SPACING
-    assert np.delete(end, 100, axis=0)[:, 2].min() > -SPACING
+    assert np.delete(end[: len(upper)], 100, axis=0)[:, 2].min() > -SPACING
+    assert end[len(upper) :, 2].min() > lower[:, 2].min() - SPACING
 
 
 def test_a_run_that_blew_up_leaves_nothing_to_the_next(engine) -> None:
