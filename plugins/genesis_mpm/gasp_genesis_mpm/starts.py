@@ -28,7 +28,7 @@ def starts_inside(problem: PointProblem, spacing: float) -> Iterator[str]:
             deepest = int(depth.argmax())
             share = 100 * masses[inside].sum() / masses.sum()
             yield (
-                f"{int(inside.sum())} point(s), {share:.2g} % of all mass, start inside collider {number}"
+                f"{int(inside.sum())} point(s), {share:.3g} % of all mass, start inside collider {number}"
                 f" ({collider.shape.kind}), point {deepest} the deepest with {depth.max():.3g} m: the wall holds them"
                 " there and does not push them out; move the object or the collider if that shows"
             )
