@@ -72,7 +72,7 @@ def frozen_array(
         wanted = "(" + ", ".join("N" if want is None else str(want) for want in shape) + ")"
         raise SceneError(f"{where} has shape {array.shape}, expected {wanted}")
     if np.issubdtype(dtype, np.floating):
-        good = np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        good = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
         if not good.all():
             bad = np.flatnonzero(~good)
             first = ", ".join(str(index) for index in bad[:5])
