@@ -17,13 +17,11 @@ from gasp_genesis_mpm.engine import GenesisMpm
 from gasp_genesis_mpm.plugin import ENVIRONMENT, gasp_point_engines
 
 from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
-from gasp_core.engine.forcing import Collider
 from gasp_core.engine.materials import Elastic
-from gasp_core.engine.shapes import HalfSpace
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
-FLOOR = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
-SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
+SOLID = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
+HERE = [[0.0, 0.0, 1.0]]
 
 
 def cloud(positions) -> PointCloud:
@@ -38,11 +36,7 @@ def cloud(positions) -> PointCloud:
 
 
 def problem(positions, **scene) -> PointProblem:
-    return PointProblem(points=cloud(positions), materials=(SOFT,), **scene)
-
-
-SOLID = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
-HERE = [[0.0, 0.0, 1.0]]
+    return PointProblem(points=cloud(positions), materials=(Elastic(**SOLID),), **scene)
 
 
 @pytest.mark.parametrize(
