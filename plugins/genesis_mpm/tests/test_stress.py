@@ -189,16 +189,16 @@ def test_stress_is_that_of_the_law(
 
 def test_a_fluid_resists_the_rate_of_shear_alone(engine: Any) -> None:
     """tau = eta J (L + L^T - 2/3 tr L I), where it bears no pressure, in a flow that turns, shears and spreads."""
-    honey = Fluid(density=1000.0, bulk_modulus=1e4, viscosity=20.0)
+    honey = Fluid(density=1000.0, bulk_modulus=1e4, viscosity=2000.0)
     ratio = 1.2
-    rates = 30.0 * np.random.default_rng(8).uniform(-1, 1, (COUNT, 3, 3))
+    rates = 300.0 * np.random.default_rng(8).uniform(-1, 1, (COUNT, 3, 3))
     deformations = np.cbrt(ratio) * np.tile(np.eye(3), (COUNT, 1, 1))
     found, rounding = found_stress(engine, honey, deformations, None, rates)
     spread = np.trace(rates, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     exact = ratio * honey.viscosity * (rates + rates.transpose(0, 2, 1) - 2 / 3 * spread)
     # The strain of a substep is a difference of numbers near 1, and eta / dt turns it into stress.
     assert np.abs(found - exact).max() <= rounding + 4 * EPS * honey.viscosity / STEP
-    assert np.abs(exact).max() > 10 * (rounding + 4 * EPS * honey.viscosity / STEP)
+    assert np.abs(exact).max() > 1e3 * (rounding + 4 * EPS * honey.viscosity / STEP)
 
 
 def test_metal_remembers_what_it_flowed(engine: Any) -> None:
