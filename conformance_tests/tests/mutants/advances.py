@@ -180,7 +180,7 @@ class StartingFlat(Session):
             self.change(affine_velocities=np.zeros((len(self.problem.points), 3, 3)))
 
 
-@mutant("spin-hidden", {"conserved:angular_momentum": "relative change", "V8[4 cells]": "spin kept - expected"})
+@mutant("spin-hidden", {"conserved:angular_momentum": "relative change", "V8[4 cells]": "spin kept is"})
 class SpinHidden(Mutant):
     """Points start without affine velocities, which then swallow angular momentum that is declared to be conserved."""
 
