@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from gasp_conformance.checks import Level
 from gasp_conformance.ledger import Figure
-from gasp_conformance.matrix import BEGIN, END, main, markdown, spliced
+from gasp_conformance.matrix import BEGIN, END, Column, columns_of, main, markdown, spliced
 from gasp_conformance.report import (
     CheckResult,
     EngineIdentity,
@@ -65,8 +65,11 @@ SLIDER = report(
 )
 
 
+FLIES, SLIDES = Column.of(FLYER), Column.of(SLIDER)
+
+
 def test_checks_by_engines() -> None:
-    assert markdown([FLYER, SLIDER]) == (
+    assert markdown([SLIDES, FLIES]) == (
         "| check | flyer float64 | slider float32, quick |\n"
         "|---|---|---|\n"
         "| **core** | | |\n"
@@ -87,22 +90,40 @@ def test_checks_by_engines() -> None:
 
 def test_two_reports_of_one_engine_are_refused_unless_they_differ() -> None:
     with pytest.raises(ReportError, match="two reports of flyer float64"):
-        markdown([FLYER, FLYER])
-    gpu = replace(FLYER, engine=replace(FLYER.engine, device="cuda"))
-    assert "| flyer float64 | flyer float64, cuda |" in markdown([FLYER, gpu])
+        markdown([FLIES, FLIES])
+    assert "| flyer float64 | flyer float64, cuda |" in markdown([FLIES, Column.of(on_cuda(FLYER))])
+
+
+def on_cuda(one: Report) -> Report:
+    return replace(one, engine=replace(one.engine, device="cuda"))
+
+
+def test_a_table_tells_the_columns_it_was_made_of() -> None:
+    deviating = replace(FLYER, checks=(*FLYER.checks, result("V8", Outcome.DEVIATES, 2.5)))
+    columns = [Column.of(deviating), Column.of(on_cuda(deviating)), SLIDES]
+    assert columns_of(markdown(columns)) == columns
+    assert columns_of("nothing yet\n") == []
+    with pytest.raises(ReportError, match='1 cells in the row "V10", 2 columns'):
+        columns_of(markdown([FLIES, SLIDES]).replace("| V10 | pass 0.5 |  |", "| V10 | pass 0.5 |"))
 
 
 def test_what_stands_between_the_marks_is_replaced_and_nothing_else() -> None:
     text = f"before\n{BEGIN}\nold\n{END}\nafter\n"
-    once = spliced(text, "new\n", "README")
-    assert once == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
-    assert spliced(once, "new\n", "README") == once
+    once = spliced(text, [FLIES], "README")
+    assert once == f"before\n{BEGIN}\n{markdown([FLIES])}{END}\nafter\n"
+    assert spliced(once, [FLIES], "README") == once
+
+
+def test_columns_without_a_new_report_stay_and_others_are_replaced() -> None:
+    text = spliced(f"{BEGIN}{END}", [FLIES, SLIDES], "README")
+    worse = Column.of(replace(SLIDER, checks=(result("V2[a]", Outcome.FAILED),)))
+    assert columns_of(spliced(text, [worse], "README")) == [FLIES, worse]
 
 
 @pytest.mark.parametrize("text", ["", BEGIN, END, f"{END}{BEGIN}", f"{BEGIN}{BEGIN}{END}", f"{BEGIN}{END}{END}"])
 def test_marks_that_are_not_there_once_are_refused(text: str) -> None:
     with pytest.raises(ReportError, match="README must hold the lines"):
-        spliced(text, "new", "README")
+        spliced(text, [FLIES], "README")
 
 
 def test_the_command_prints_or_replaces(tmp_path: Path) -> None:
@@ -110,11 +131,11 @@ def test_the_command_prints_or_replaces(tmp_path: Path) -> None:
     for path, one in zip(paths, (FLYER, SLIDER)):
         write_report(one, Path(path))
     printed = CliRunner().invoke(main, paths)
-    assert (printed.exit_code, printed.stdout) == (0, markdown([FLYER, SLIDER]))
+    assert (printed.exit_code, printed.stdout) == (0, markdown([FLIES, SLIDES]))
     readme = tmp_path / "README.md"
     readme.write_text(f"# é\n{BEGIN}\n{END}\n", encoding="utf-8")
     assert CliRunner().invoke(main, [*paths, "--into", str(readme)]).exit_code == 0
-    assert readme.read_text(encoding="utf-8") == f"# é\n{BEGIN}\n{markdown([FLYER, SLIDER])}{END}\n"
+    assert readme.read_text(encoding="utf-8") == f"# é\n{BEGIN}\n{markdown([FLIES, SLIDES])}{END}\n"
 
 
 def test_the_command_says_in_one_line_what_is_wrong(tmp_path: Path) -> None:
