@@ -15,8 +15,9 @@ Array = NDArray[Any]
 
 SLOWEST = 0.01
 """Least value of a soft body's clock."""
-_LAST_FRAME = 1_000_000
-"""Of the cache. Beyond its end, at 250 by default, Blender shows the last state for ever and says nothing."""
+_LAST_FRAME = 1_000
+"""Of the cache, which then begins anew. Beyond its end, at 250 by default, Blender shows the last state for ever and
+says nothing; and every frame it looks through all of it, which with a million frames takes 4 ms."""
 _SAME = 2.5e-7
 """Relative: steps that differ by the last two digits of float32 are one step."""
 
@@ -66,7 +67,8 @@ class Stepper:
                 evaluated(self._scene, self._frame)
             # Every frame, one after the other: Blender simulates no frame that does not follow the last one.
             evaluated(self._scene, self._frame + 1)
-            self._files.forget(self._frame)
+            # Blender looks for the last state but one, back to the first frame where there is none.
+            self._files.forget(self._frame - 1)
             self._frame += 1
             self._shown = self._files.read(self._frame)
         return self._shown.copy()
@@ -75,12 +77,16 @@ class Stepper:
         """Remove the scene and what it has written."""
         with quiet():
             remove_scene(self._scene)
-            self._files.forget(self._frame)
+            self._forget()
 
     def _begin(self, duration: float) -> None:
         """Go back to the first frame, after which a setting may differ; the frame after it is one to be replaced."""
-        self._files.forget(self._frame)
+        self._forget()
         setattr(self._settings, self._clock, duration)
         self._shown = None
         for self._frame in (0, 1):
             evaluated(self._scene, self._frame)
+
+    def _forget(self) -> None:
+        for frame in (self._frame - 1, self._frame):
+            self._files.forget(frame)
