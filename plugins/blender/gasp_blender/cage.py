@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cage", "build_cage", "gather", "scatter"]
+__all__ = ["CORNERS", "Cage", "build_cage", "gather", "scatter"]
 
 Array = NDArray[Any]
 
-_CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+"""Of a voxel, (8, 3), in the order of `Cage.voxels`."""
 _BLOCKED = 5
 """Of the six rays along the axes: a voxel that so many do not leave the cloud from is inside it. All six would call
 the bottom of a cup outside, and holes in a trained shell let rays through."""
@@ -74,12 +75,12 @@ def build_cage(positions: Array, margin: float, spacing: float, most_voxels: int
             break
         spacing *= max(1.02, (len(occupied) / most_voxels) ** (1 / 3))
     spaces = size / counts
-    places, voxels = np.unique((occupied[:, None] + _CORNERS).reshape(-1, 3), axis=0, return_inverse=True)
+    places, voxels = np.unique((occupied[:, None] + CORNERS).reshape(-1, 3), axis=0, return_inverse=True)
     voxels = voxels.reshape(-1, 8)
     # `occupied` is sorted and holds every cell: rows of the union are its own.
     own = np.unique(np.concatenate([occupied, cells]), axis=0, return_inverse=True)[1].reshape(-1)[len(occupied) :]
     inside = (positions - low) / spaces - cells
-    weights = np.where(_CORNERS, inside[:, None], 1 - inside[:, None]).prod(axis=2)
+    weights = np.where(CORNERS, inside[:, None], 1 - inside[:, None]).prod(axis=2)
     return Cage(
         nodes=low + places * spaces,
         voxels=voxels,

@@ -2,7 +2,8 @@
 
 Blender's own collisions of soft bodies keep a gap, eject what starts inside, and bounce by chance (a coefficient of .8
 gave rebounds of 0 to .86). The contract says what contact is, so it is done here: on nodes, as material point methods
-do it on theirs.
+do it on theirs. What starts inside a collider is not pushed out of it, which would crush or throw it: it cannot go
+deeper, and is free to leave.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Array = NDArray[Any]
 
 @dataclass(slots=True)
 class Bonds:
-    """What has touched a collider that does not let go.
+    """What has touched a collider that does not let go, and what started inside one.
 
     Parameters
     ----------
@@ -31,10 +32,24 @@ class Bonds:
         Which nodes are bound to which collider.
     anchors : (C, V, 3) [m]
         Where they touched it.
+    depths : (C, V) [m]
+        How far inside each node has been ever since the start; 0 once it has left.
     """
 
     bound: Array
     anchors: Array
+    depths: Array
+
+    @classmethod
+    def at_start(cls, colliders: Sequence[Collider], places: Array) -> Bonds:
+        """Of nodes at `places` (V, 3) [m] that have touched nothing yet."""
+        count, nodes = len(colliders), len(places)
+        depths = [np.maximum(-_distance(collider, places), 0.0) for collider in colliders]
+        return cls(
+            bound=np.zeros((count, nodes), dtype=bool),
+            anchors=np.zeros((count, nodes, 3)),
+            depths=np.array(depths).reshape(count, nodes),
+        )
 
 
 def touch(
@@ -43,7 +58,9 @@ def touch(
     """Places [m] and velocities [m/s] (V, 3) after contact; `reach` [m] is how near counts as touching."""
     for number, collider in enumerate(colliders):
         sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
-        distance = sign * collider.shape.signed_distance(places)
+        outside = _distance(collider, places)
+        depths = bonds.depths[number] = np.minimum(bonds.depths[number], np.maximum(-outside, 0.0))
+        distance = outside + depths
         bound = bonds.bound[number]
         near = np.flatnonzero((distance <= reach) | bound)
         if len(near) == 0:
@@ -66,6 +83,12 @@ def touch(
             across = (velocities[near] * normal).sum(axis=1)[:, None]
             velocities = _put(velocities, near, velocities[near] - across * normal)
     return places, velocities
+
+
+def _distance(collider: Collider, places: Array) -> Array:
+    """From its surface [m], (V,); negative where matter may not be."""
+    distance = collider.shape.signed_distance(places)
+    return distance if collider.side is Side.OUTSIDE else -distance
 
 
 def _put(array: Array, rows: Array, values: Array) -> Array:

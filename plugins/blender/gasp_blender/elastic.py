@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from gasp_blender.cage import gather, scatter
 from gasp_blender.cloth import TENSION, cloth
 from gasp_blender.contact import Bonds, touch
+from gasp_blender.frames import Frames
 from gasp_blender.grip import held_nodes, rigid_motion
-from gasp_blender.matter import Matter, node_velocities
+from gasp_blender.matter import Matter, connected, node_velocities
 from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
 from gasp_blender.stepping import SLOWEST
+from gasp_blender.volume import kept_open, middle_gradients
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
 from gasp_core.errors import SceneError
@@ -54,7 +56,6 @@ class Elastic:
         self._problem = problem
         self._matter = matter
         nodes = matter.cage.nodes
-        self._origin = (nodes.min(axis=0) + nodes.max(axis=0)) / 2
         # Of the longest springs: a node is then never lighter than about 1.3 springs, with the stable step for a unit.
         self._length = matter.cage.coarseness * spacing
         self._unit = CALM * matter.stable_step
@@ -66,8 +67,25 @@ class Elastic:
                 f" {masses.max():.2g}, of {lightest:g} to {HEAVIEST:g} that Blender knows: give the bodies more equal"
                 " stiffness over density, or simulate them apart"
             )
-        gravity = np.asarray(problem.gravity) * self._unit**2 / self._length
-        places = (nodes - self._origin) / self._length
+        # Blender's turbulence lies in its own frame, which then has to stand still.
+        self._still = turbulence is not None
+        bodies = np.unique(connected(matter), return_inverse=True)[1].reshape(-1)
+        if self._still:
+            bodies = np.zeros_like(bodies)
+        lows, highs = np.full((bodies.max() + 1, 3), np.inf), np.full((bodies.max() + 1, 3), -np.inf)
+        np.minimum.at(lows, bodies, nodes)
+        np.maximum.at(highs, bodies, nodes)
+        self._frames = Frames(
+            bodies=bodies,
+            masses=matter.masses,
+            places=(lows + highs) / 2,
+            velocities=np.zeros_like(lows),
+            length=self._length,
+            unit=self._unit,
+        )
+        gravity = np.asarray(problem.gravity) * (self._unit**2 / self._length if self._still else 0.0)
+        rows = np.arange(len(nodes))
+        places = self._frames.place_within(nodes, rows)
         if matter.is_cloth:
             self._body = cloth(places, matter.cage.voxels, float(masses.mean()), gravity)
         else:
@@ -77,12 +95,11 @@ class Elastic:
                 force = acceleration * self._unit**2 / self._length * float(masses.mean())
                 gusts = Gusts(force=force, size=size / self._length, seed=seed)
             self._body = soft_body(places, matter.edges, matter.weights, masses, gravity, gusts)
+            self._gradients = middle_gradients(nodes / self._length, matter.cage.voxels)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
-        self._state = np.zeros((len(nodes), 6), np.float32)
-        self._state[:, :3] = places
-        self._state[:, 3:] = velocities * self._unit / self._length
-        count = len(problem.colliders)
-        self._bonds = Bonds(bound=np.zeros((count, len(nodes)), dtype=bool), anchors=np.zeros((count, len(nodes), 3)))
+        state = np.concatenate([places, self._frames.velocity_within(velocities, rows)], axis=1)
+        self._state = state.astype(np.float32) if self._still else self._frames.recentred(state)
+        self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         self._strike(0.0)
         self._constrain(0.0)
@@ -102,6 +119,9 @@ class Elastic:
             self._state = before
             return False
         self._state = after
+        if not self._still:
+            self._frames.fly(before, after, np.asarray(self._problem.gravity), step)
+        self._keep_open()
         self._strike(end)
         self._constrain(end)
         return True
@@ -120,8 +140,11 @@ class Elastic:
         """Everything that changes."""
         return {
             "state": self._state.copy(),
+            "origins": self._frames.places.copy(),
+            "drifts": self._frames.velocities.copy(),
             "bound": self._bonds.bound.copy(),
             "anchors": self._bonds.anchors.copy(),
+            "depths": self._bonds.depths.copy(),
             "grips": self._grips.copy(),
         }
 
@@ -142,7 +165,13 @@ class Elastic:
                     " engine; start the run anew"
                 )
         self._state = np.array(kept["state"], np.float32)
-        self._bonds = Bonds(bound=np.array(kept["bound"], dtype=bool), anchors=np.array(kept["anchors"], np.float64))
+        self._frames.places = np.array(kept["origins"], np.float64)
+        self._frames.velocities = np.array(kept["drifts"], np.float64)
+        self._bonds = Bonds(
+            bound=np.array(kept["bound"], dtype=bool),
+            anchors=np.array(kept["anchors"], np.float64),
+            depths=np.array(kept["depths"], np.float64),
+        )
         self._grips = np.array(kept["grips"], np.float64)
 
     def close(self) -> None:
@@ -150,19 +179,35 @@ class Elastic:
         self._body.close()
 
     def _places(self) -> Array:
-        return self._state[:, :3].astype(np.float64) * self._length + self._origin
+        return self._frames.places_of(self._state)
 
     def _velocities(self) -> Array:
-        return self._state[:, 3:].astype(np.float64) * (self._length / self._unit)
+        return self._frames.velocities_of(self._state)
 
     def _put(self, places: Array | None, velocities: Array | None) -> None:
         """Write what differs, and leave the digits of all else alone."""
+        changed = False
         if places is not None:
-            rows = (places != self._places()).any(axis=1)
-            self._state[rows, :3] = (places[rows] - self._origin) / self._length
+            rows = np.flatnonzero((places != self._places()).any(axis=1))
+            self._state[rows, :3] = self._frames.place_within(places[rows], rows)
+            changed |= len(rows) > 0
         if velocities is not None:
-            rows = (velocities != self._velocities()).any(axis=1)
-            self._state[rows, 3:] = velocities[rows] * (self._unit / self._length)
+            rows = np.flatnonzero((velocities != self._velocities()).any(axis=1))
+            self._state[rows, 3:] = self._frames.velocity_within(velocities[rows], rows)
+            changed |= len(rows) > 0
+        if changed and not self._still:
+            self._state = self._frames.recentred(self._state)
+
+    def _keep_open(self) -> None:
+        """See `gasp_blender.volume`; all in Blender's units, in which a body's own motion is none of it."""
+        if self._matter.is_cloth:
+            return
+        state = self._state.astype(np.float64)
+        changed = kept_open(
+            self._matter.cage.voxels, self._gradients, self._matter.masses, state[:, :3], state[:, 3:]
+        )
+        if changed is not None:
+            self._state[:, 3:] = changed
 
     def _share_within(self, inside: Array) -> Array:
         """Which part of its matter each node has among the points `inside` (N,), (V,)."""
@@ -188,19 +233,20 @@ class Elastic:
     def _strike(self, now: float) -> None:
         """Impulses that start now, on the points in their region in proportion to mass."""
         matter = self._matter
-        masses = self._problem.masses
         for drive in self._problem.drives:
             if not (isinstance(drive, Impulse) and drive.start == now):
                 continue
             struck = drive.region.signed_distance(self.positions()) <= 0
             if not struck.any():
                 continue
-            kick = np.asarray(drive.impulse) / masses[matter.rows][struck].sum()
+            kick = np.asarray(drive.impulse) / matter.point_masses[struck].sum()
             given = scatter(matter.cage, matter.point_masses * struck) / matter.masses
             self._put(None, self._velocities() + given[:, None] * kick)
 
     def _constrain(self, now: float) -> None:
         """Contact, then what drives hold, which is stronger."""
+        if not (self._problem.colliders or self._problem.drives):
+            return
         places, velocities = self._places(), self._velocities()
         if self._problem.colliders:
             places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, _NEAR * self._length)

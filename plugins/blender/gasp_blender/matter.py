@@ -16,7 +16,7 @@ from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Elastic
 from gasp_core.errors import SceneError
 
-__all__ = ["Matter", "cloth_matter", "elastic_matter", "node_velocities"]
+__all__ = ["Matter", "cloth_matter", "connected", "elastic_matter", "node_velocities"]
 
 Array = NDArray[Any]
 
@@ -236,7 +236,7 @@ def _voxel_masses(matter: Matter) -> Callable[[Array], Array]:
 def _spread(matter: Matter, velocities: Array) -> Array:
     """The affine field of each connected body that is nearest to the velocities of its points, at its nodes."""
     found = np.zeros_like(matter.cage.nodes)
-    owners = _bodies(matter)
+    owners = connected(matter)
     point_owners = owners[matter.cage.corners[:, 0]]
     positions = gather(matter.cage, matter.cage.nodes)
     for body in np.unique(owners):
@@ -250,7 +250,7 @@ def _spread(matter: Matter, velocities: Array) -> Array:
     return found
 
 
-def _bodies(matter: Matter) -> Array:
+def connected(matter: Matter) -> Array:
     """For each node, the least node it is connected with by springs."""
     label = np.arange(len(matter.masses))
     while True:

@@ -1,4 +1,4 @@
-"""Matter that starts within a collider: refused, or, where it is a few stray points of a splat, told."""
+"""Matter that starts within a collider: told, or, where it is rigid, refused."""
 
 from __future__ import annotations
 
@@ -16,30 +16,24 @@ __all__ = ["starts_inside"]
 
 Array = NDArray[Any]
 
-_STRAY = 0.01
-"""Share of a body's mass that contact puts onto the surface at once; more of it there would crush the body."""
-
 
 def starts_inside(problem: PointProblem, spacing: float, rigid: Array) -> Iterator[str]:
-    """One line for each collider that a stray point starts in, deeper than `spacing` [m].
+    """One line for each collider that a point starts in, deeper than `spacing` [m].
 
     Parameters
     ----------
     rigid
-        Rows of points of rigid bodies, of which no point is stray: it is a corner of a hull.
+        Rows of points of rigid bodies.
 
     Raises
     ------
     SceneError
-        Where a body starts inside.
+        Where a rigid body starts inside: Bullet would throw it out.
     """
-    points = problem.points
-    masses = problem.masses
-    bodies = np.unique(points.body_ids, return_inverse=True)[1].reshape(-1)
-    whole = np.bincount(bodies, masses)
+    positions = problem.points.reference_positions
     for number, collider in enumerate(problem.colliders, start=1):
         sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
-        depth = -sign * collider.shape.signed_distance(points.reference_positions)
+        depth = -sign * collider.shape.signed_distance(positions)
         inside = depth > spacing
         if not inside.any():
             continue
@@ -47,7 +41,6 @@ def starts_inside(problem: PointProblem, spacing: float, rigid: Array) -> Iterat
             f"{int(inside.sum())} point(s), first {int(np.argmax(inside))}, start up to {depth.max():.3g} m inside"
             f" collider {number}"
         )
-        share = np.bincount(bodies, masses * inside) / whole
-        if inside[rigid].any() or share.max() > _STRAY:
-            raise SceneError(f"{what}: move the object, or the collider")
-        yield f"{what}: contact puts them onto its surface at once; move the object if it starts with a jerk"
+        if inside[rigid].any():
+            raise SceneError(f"{what}, and a body among them is rigid: move the object, or the collider")
+        yield f"{what}: they may leave and cannot go deeper; move the object, or the collider, if it is to be outside"

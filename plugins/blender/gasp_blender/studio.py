@@ -8,7 +8,7 @@ import functools
 import importlib
 import itertools
 import os
-import shutil
+import subprocess
 import sys
 import tempfile
 import threading
@@ -26,6 +26,8 @@ _MEMORY = "/dev/shm"
 """A folder in memory, where there is one: a state is written and read every step, and a disk takes 10 ms for each."""
 _numbers = itertools.count(1)
 _lock = threading.RLock()
+_waiting: list[subprocess.Popen[bytes]] = []
+"""Kept: what is freed closes the input that it waits for."""
 
 
 @contextlib.contextmanager
@@ -69,13 +71,24 @@ def studio() -> tuple[Any, Path]:
         skip_teardown()
         memory = _MEMORY if os.access(_MEMORY, os.W_OK) else None
         folder = Path(tempfile.mkdtemp(prefix="gasp-blender-", dir=memory))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        # Blender's own, which goes in the clearing up that is skipped.
-        atexit.register(shutil.rmtree, bpy.app.tempdir, ignore_errors=True)
+        # Blender's own goes in the clearing up that is skipped.
+        _removed_with_us(folder, Path(bpy.app.tempdir))
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "states.blend"), check_existing=False)
         cache = folder / "blendcache_states"
         cache.mkdir()
     return bpy, cache
+
+
+def _removed_with_us(*folders: Path) -> None:
+    """Have a shell wait for the end of this process, however it ends, and remove folders then.
+
+    Its standard input closes with this process; and it is in a session of its own, as workers are killed in groups.
+    """
+    command = ["/bin/sh", "-c", 'read -r _; rm -rf -- "$@"', "sh", *map(str, folders)]
+    waiting = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    _waiting.append(waiting)
 
 
 @contextlib.contextmanager
