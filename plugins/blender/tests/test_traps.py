@@ -91,13 +91,18 @@ def test_wind_blows_the_way_it_says(kit, elastic):
 
 
 def test_goes_on_beyond_frame_250(kit):
-    """The end of a cache as Blender makes it; what lies there is shown for ever after."""
-    step = 1e-3
-    problem = kit.problem(kit.block((1, 1, 1), 0.1), 0.1, (1.0, 0, 0), gravity=(0, 0, 0))
+    """The end of a cache, which is shown for ever after; the one made here ends at 1000."""
+    step, steps = 1e-3, 1300
+    problem = kit.problem(kit.block((1, 1, 1), 0.1), 0.1, gravity=(0, 0, 0))
+    points = problem.points.reference_positions
+    # One that turns: what flies straight is no work for Blender.
+    problem = kit.problem(points, 0.1, np.cross([0, 0, 1.0], points - points.mean(axis=0)), gravity=(0, 0, 0))
     with kit.open(problem, substep=step) as session:
-        assert session.advance_to(400 * step).substep_count == 400
-        moved = session.read(EVERYTHING).positions - problem.points.reference_positions
-    np.testing.assert_allclose(moved[:, 0], 0.4, rtol=400 * ROUNDING)
+        assert session.advance_to(steps * step).substep_count == steps
+        arms = session.read(EVERYTHING).positions - points.mean(axis=0)
+    turned = np.arctan2(*arms.T[1::-1]) - np.arctan2(*(points - points.mean(axis=0)).T[1::-1])
+    # Drawn out by w^2 rho L^2 / E it turns slower by some thousandths.
+    np.testing.assert_allclose(np.angle(np.exp(1j * turned)), steps * step, rtol=0.01)
 
 
 def test_a_new_length_of_step_does_not_begin_anew(kit):
@@ -153,7 +158,8 @@ def test_one_advance_ends_where_many_do(kit):
             for time in times:
                 session.advance_to(float(time))
             ends.append(session.read(EVERYTHING).positions)
-    assert np.array_equal(ends[0], ends[1])
+    # Steps that are differences of times differ in their last digit, which may turn the rounding to float32 over.
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=32 * ROUNDING * 0.2)
 
 
 def test_rests_on_the_floor_without_a_gap(kit):
@@ -182,21 +188,49 @@ def test_rigid_bodies_rest_on_the_floor_without_a_gap(kit):
     assert lowest == pytest.approx(0.025, abs=1e-3)
 
 
-def test_what_starts_in_the_floor_is_refused(kit):
-    problem = kit.problem(kit.block((2, 2, 2), 0.1, corner=(0, 0, -0.3)), 0.1, colliders=(Collider(shape=FLOOR),))
-    with pytest.raises(SceneError, match=r"start up to 0\.275 m inside collider 1"):
+def test_a_rigid_body_that_starts_in_the_floor_is_refused(kit):
+    """Bullet throws it out."""
+    points = kit.block((2, 2, 2), 0.1, corner=(0, 0, -0.3))
+    problem = kit.problem(points, 0.1, material=Rigid(density=700.0), colliders=(Collider(shape=FLOOR),))
+    with pytest.raises(SceneError, match=r"start up to 0\.275 m inside collider 1.*rigid"):
         kit.open(problem)
 
 
-def test_stray_points_in_the_floor_are_told(kit):
-    points = kit.block((6, 6, 6), 0.1)
-    points[0, 2] = -0.3
-    problem = kit.problem(points, 0.1, colliders=(Collider(shape=FLOOR),))
+def test_what_starts_in_the_floor_is_told_and_neither_thrown_out_nor_crushed(kit):
+    """Blender's own collisions eject it."""
+    points = kit.block((2, 2, 4), 0.1, corner=(0, 0, -0.3))
+    with kit.open(kit.problem(points, 0.1, colliders=(Collider(shape=FLOOR),))) as session:
+        first, second = session.advance_to(0.01), session.advance_to(0.3)
+        found = session.read(EVERYTHING)
+    assert first.status is second.status is Status.OK and second.warnings == ()
+    assert [warning for warning in first.warnings if "64 point(s), first 0, start up to 0.275 m" in warning]
+    # What is in the floor stays where it is; what is above sinks by rho g H^2 / 2E of a tenth of a metre, and swings.
+    moved = found.positions - points
+    assert np.abs(moved).max() < 4 * 1000 * G * 0.1**2 / 2e4
+    assert np.abs(moved[points[:, 2] < -0.1]).max() < 1e-3
+    # Thrown up faster than it would come back, it leaves.
+    with kit.open(kit.problem(points, 0.1, (0, 0, 4.0), colliders=(Collider(shape=FLOOR),))) as session:
+        session.advance_to(0.2)
+        risen = session.read(EVERYTHING).positions - points
+    np.testing.assert_allclose(risen[:, 2], 4.0 * 0.2 - G * 0.2**2 / 2, rtol=0.01)
+
+
+def test_a_body_is_not_pressed_through_itself(kit):
+    """Springs are as long in a block turned inside out."""
+    points = kit.block((3, 3, 3), 0.1)
+    sound = np.sqrt(kit.rubber.youngs_modulus / kit.rubber.density)
+    problem = kit.problem(points, 0.1, -20 * sound / 0.3 * (points - points.mean(axis=0)), gravity=(0, 0, 0))
     with kit.open(problem) as session:
-        first, second = session.advance_to(0.01), session.advance_to(0.02)
-        assert session.read(EVERYTHING).positions[:, 2].min() > -1e-3
-    assert first.status is Status.OK and second.warnings == ()
-    assert [warning for warning in first.warnings if "1 point(s), first 0, start up to 0.3 m" in warning]
+        ratios = []
+        for time in np.linspace(0, 0.3 / sound, 31)[1:]:
+            session.advance_to(float(time))
+            places = session.read(EVERYTHING).positions
+            # Of the affine map nearest to what has become of it.
+            gradient = np.linalg.lstsq(points - points.mean(axis=0), places - places.mean(axis=0), rcond=None)[0]
+            ratios.append(np.linalg.det(gradient))
+    # A fifth, less what it is pressed by within a step before that is seen; and it springs back.
+    assert 0.0 < min(ratios) < 0.5 and ratios[-1] > 0.5
+    np.testing.assert_allclose(places.mean(axis=0), points.mean(axis=0), atol=1e-6)
 
 
 def test_a_coarser_cage_than_asked_for_is_told(kit):
