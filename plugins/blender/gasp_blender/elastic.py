@@ -94,7 +94,7 @@ class Elastic:
                 acceleration, size, seed = turbulence
                 force = acceleration * self._unit**2 / self._length * float(masses.mean())
                 gusts = Gusts(force=force, size=size / self._length, seed=seed)
-            self._body = soft_body(places, matter.edges, matter.weights, masses, gravity, gusts)
+            self._body = soft_body(places, np.repeat(matter.edges, matter.quarters, axis=0), matter.weights, masses, gravity, gusts)
             self._gradients = middle_gradients(nodes / self._length, matter.cage.voxels)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         state = np.concatenate([places, self._frames.velocity_within(velocities, rows)], axis=1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, build_cage, gather, scatter
 from gasp_blender.sheet import build_sheet, quad_edges
-from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_weights
+from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_shares
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.materials import Elastic
 from gasp_core.errors import SceneError
@@ -40,6 +40,8 @@ class Matter:
         Of all bodies together.
     edges : (E, 2)
         Springs, rows of the cage's nodes.
+    quarters : (E,)
+        How many quarters of a spring each is.
     masses : (V,) [kg]
         Of the nodes.
     forces : (V,) [N]
@@ -58,6 +60,7 @@ class Matter:
     rows: Array
     cage: Cage
     edges: Array
+    quarters: Array
     masses: Array
     forces: Array
     point_masses: Array
@@ -92,6 +95,7 @@ def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter |
         rows=np.concatenate([part.rows for part in parts]),
         cage=cage,
         edges=np.concatenate([part.edges + start for part, start in zip(parts, starts)]),
+        quarters=np.concatenate([part.quarters for part in parts]),
         masses=np.concatenate([part.masses for part in parts]),
         forces=np.concatenate([part.forces for part in parts]),
         point_masses=np.concatenate([part.point_masses for part in parts]),
@@ -137,6 +141,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
         rows=rows,
         cage=sheet,
         edges=edges,
+        quarters=np.full(len(edges), 4),
         masses=np.full(count, point_masses.sum() / count),
         forces=np.full(count, force),
         point_masses=point_masses,
@@ -152,11 +157,11 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
     volumes = points.reference_volumes[rows]
     margin = _half_side(points.reference_positions[rows], volumes)
     cage = build_cage(points.reference_positions[rows], margin, spacing, most_voxels)
-    edges = spring_edges(cage)
+    edges, quarters = spring_edges(cage)
     moduli = np.array([getattr(material, "youngs_modulus", 0.0) for material in problem.materials])
     modulus = float(np.average(moduli[points.material_ids[rows]], weights=volumes))
     weights = node_weights(cage)
-    shares = spring_weights(weights, edges)
+    shares = spring_shares(weights, edges, quarters)
     force = spring_force(cage.nodes, edges, shares, modulus, float(volumes.sum()))
     point_masses = problem.masses[rows]
     coupling = scatter(cage, point_masses)
@@ -166,6 +171,7 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
         rows=rows,
         cage=cage,
         edges=edges,
+        quarters=quarters,
         masses=masses,
         forces=np.full(len(masses), force),
         point_masses=point_masses,

@@ -31,10 +31,10 @@ GRAVITY = 1000.0
 _TURBULENCE = 1.25e-4
 """Root mean square force of a turbulence of strength one on a vertex of a soft body without friction, over its cells;
 with friction it has the other sign."""
-_PULL = 2.0**-6
-SPRING = float(np.float32(1) / (np.float32(1) - np.float32(_PULL)) - np.float32(1))
-"""Force of a spring at a strain of one: p / (1 - p) of pull and push, with Blender's own rounding. Small, because
-masses are bounded above, and no smaller, because they are bounded below: see `Elastic`."""
+_PULL = 2.0**-7
+SPRING = 4 * float(np.float32(1) / (np.float32(1) - np.float32(_PULL)) - np.float32(1))
+"""Force of a spring at a strain of one, which is four of Blender's: each p / (1 - p) of pull and push, with Blender's own
+rounding. Small, because masses are bounded above, and no smaller, because they are bounded below: see `Elastic`."""
 LIGHTEST = 0.01
 """Of vertices. Blender moves a lighter one as if it had this mass, but weighs it by its own: it falls too slowly."""
 HEAVIEST = 4e4
@@ -60,7 +60,8 @@ def soft_body(
     places : (V, 3)
         At rest, in voxels.
     edges : (E, 2)
-        Springs; each bears a force of `SPRING` at a strain of one, times its weight.
+        Quarters of springs, as often as there are any between two vertices; four of them bear a force of `SPRING` at a
+        strain of one, times their weight.
     weights : (V,)
         In (0, 1]; a spring's is the fourth power of its ends' mean.
     masses : (V,)
