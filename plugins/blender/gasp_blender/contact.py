@@ -53,9 +53,17 @@ class Bonds:
 
 
 def touch(
-    colliders: Sequence[Collider], bonds: Bonds, places: Array, velocities: Array, reach: float
+    colliders: Sequence[Collider], bonds: Bonds, places: Array, velocities: Array, reach: float, step: float
 ) -> tuple[Array, Array]:
-    """Places [m] and velocities [m/s] (V, 3) after contact; `reach` [m] is how near counts as touching."""
+    """Places [m] and velocities [m/s] (V, 3) after contact.
+
+    Parameters
+    ----------
+    reach
+        How near counts as touching [m].
+    step
+        For how long nodes have moved with these velocities [s].
+    """
     for number, collider in enumerate(colliders):
         sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
         outside = _distance(collider, places)
@@ -68,8 +76,10 @@ def touch(
         normal = sign * collider.shape.outward_normal(places[near])
         surface = places[near] - np.minimum(distance[near], 0.0)[:, None] * normal
         if collider.contact is ContactCondition.SEPARATE:
-            places = _put(places, near, surface)
-            velocities = _put(velocities, near, _separate(velocities[near], normal, collider.friction))
+            slower, held = _separate(velocities[near], normal, collider.friction)
+            # What friction has taken of a velocity has not moved the node either: else what sticks would creep.
+            places = _put(places, near, surface - step * held)
+            velocities = _put(velocities, near, slower)
             continue
         fresh = near[~bound[near]]
         bonds.anchors[number, fresh] = surface[~bound[near]]
@@ -97,11 +107,12 @@ def _put(array: Array, rows: Array, values: Array) -> Array:
     return changed
 
 
-def _separate(velocities: Array, normal: Array, friction: float) -> Array:
-    """Nothing into the surface, and Coulomb's share of what was taken away, along it."""
+def _separate(velocities: Array, normal: Array, friction: float) -> tuple[Array, Array]:
+    """Nothing into the surface, and Coulomb's share of what was taken away, along it, which is returned besides."""
     across = np.minimum((velocities * normal).sum(axis=1), 0.0)
     along = velocities - across[:, None] * normal
     slip = along - np.maximum((along * normal).sum(axis=1), 0.0)[:, None] * normal
     speed = np.linalg.norm(slip, axis=1)
     kept = np.maximum(speed + friction * across, 0.0) / np.where(speed > 0, speed, 1.0)
-    return along - (1 - kept)[:, None] * slip
+    held = (1 - kept)[:, None] * slip
+    return along - held, held

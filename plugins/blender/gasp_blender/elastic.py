@@ -102,7 +102,7 @@ class Elastic:
         self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         self._strike(0.0)
-        self._constrain(0.0)
+        self._constrain(0.0, 0.0)
 
     def step(self, now: float, end: float, step: float) -> bool:
         """From `now` to `end` [s]; False, and nothing changed, where Blender's state is not finite."""
@@ -123,7 +123,7 @@ class Elastic:
             self._frames.fly(before, after, np.asarray(self._problem.gravity), step)
         self._keep_open()
         self._strike(end)
-        self._constrain(end)
+        self._constrain(end, step)
         return True
 
     def positions(self) -> Array:
@@ -243,13 +243,14 @@ class Elastic:
             given = scatter(matter.cage, matter.point_masses * struck) / matter.masses
             self._put(None, self._velocities() + given[:, None] * kick)
 
-    def _constrain(self, now: float) -> None:
+    def _constrain(self, now: float, step: float) -> None:
         """Contact, then what drives hold, which is stronger."""
         if not (self._problem.colliders or self._problem.drives):
             return
         places, velocities = self._places(), self._velocities()
         if self._problem.colliders:
-            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, _NEAR * self._length)
+            reach = _NEAR * self._length
+            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, reach, step)
         for number, drive in enumerate(self._problem.drives):
             if not isinstance(drive, (Pinned, Driven)):
                 continue
