@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from gasp_blender.meshes import mesh_object
 from gasp_blender.studio import evaluated, new_name, new_scene, quiet, remove_scene, studio
 
-__all__ = ["RigidWorld", "rotation_vector_quaternion"]
+__all__ = ["RigidWorld", "turned"]
 
 Array = NDArray[Any]
 
@@ -19,19 +20,27 @@ _RATE = 24
 _ITERATIONS = 50
 
 
-def rotation_vector_quaternion(vector: Array) -> Array:
-    """Unit quaternion (w x y z) of a rotation vector (3,) [rad]."""
+def turned(vector: Array) -> Array:
+    """Rotation matrix (3, 3) of a rotation vector (3,) [rad]."""
     angle = float(np.linalg.norm(vector))
-    share = 0.5 * np.sinc(angle / (2 * np.pi))
-    return np.array([np.cos(angle / 2), *(share * vector)])
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def _moved(pose: Array, shift: Array, turn: Array) -> Array:
+    moved = pose.copy()
+    moved[:3, :3] = turned(turn) @ pose[:3, :3]
+    moved[:3, 3] += shift
+    return moved
 
 
 class RigidWorld:
     """A scene with a Bullet world. Lengths are scaled by the caller, times are seconds.
 
     Bullet has no property for a velocity: bodies are led along a straight line for one frame, turning, and let go at
-    its end. That is the second frame, as the world is only made on the first. Blender's damping, deactivation, margins
-    and restitution are off.
+    its end. That is the second frame, as the world is only made on the first. What changes a velocity on the way throws
+    all of them again. Blender's damping, deactivation, margins and restitution are off.
 
     Parameters
     ----------
@@ -79,26 +88,28 @@ class RigidWorld:
             settings.use_deactivation = False
             self._bodies.append(body)
 
-    def throw(self, velocities: Array, spins: Array, lead: float) -> Array:
-        """Start all bodies where they are, with velocities and angular velocities (B, 3); their poses (B, 4, 4).
+    def throw(self, poses: Array, velocities: Array, spins: Array, held: Array, lead: float) -> Array:
+        """Start all bodies anew at `poses` (B, 4, 4), with velocities and angular velocities (B, 3); their poses then.
 
-        They are led for `lead` [s].
+        They are led for `lead` [s]; those that are `held` (B,) are led until they are thrown again.
         """
         with quiet():
-            for body, velocity, spin in zip(self._bodies, velocities, spins):
-                place = np.array(body.location[:])
-                for frame, back in ((1, lead), (2, 0.0)):
-                    body.location = (place - back * velocity).tolist()
-                    body.rotation_quaternion = rotation_vector_quaternion(-back * spin).tolist()
-                    body.keyframe_insert("location", frame=frame)
-                    body.keyframe_insert("rotation_quaternion", frame=frame)
+            for body, pose, velocity, spin, stays in zip(self._bodies, poses, velocities, spins, held):
+                self._led(body, 1, _moved(pose, -lead * velocity, -lead * spin))
+                self._led(body, 2, pose)
                 settings = body.rigid_body
-                for frame, led in ((0, True), (3, False)):
+                for frame, led in ((0, True), (3, bool(stays))):
                     settings.kinematic = led
                     settings.keyframe_insert("kinematic", frame=frame)
+            self._frame = 0
             evaluated(self._scene, 0)
         self.step(lead)
         return self.step(lead)
+
+    def lead(self, number: int, pose: Array) -> None:
+        """Where a body that is held is to be after the next step."""
+        with quiet():
+            self._led(self._bodies[number], self._frame + 1, pose)
 
     def step(self, duration: float) -> Array:
         """Poses (B, 4, 4) after one frame of `duration` [s], which Bullet takes in one step."""
@@ -107,6 +118,14 @@ class RigidWorld:
             self._frame += 1
             graph = evaluated(self._scene, self._frame)
             return np.array([np.array(body.evaluated_get(graph).matrix_world) for body in self._bodies])
+
+    @staticmethod
+    def _led(body: Any, frame: int, pose: Array) -> None:
+        mathutils = importlib.import_module("mathutils")
+        body.location = pose[:3, 3].tolist()
+        body.rotation_quaternion = mathutils.Matrix(pose[:3, :3].tolist()).to_quaternion()
+        body.keyframe_insert("location", frame=frame)
+        body.keyframe_insert("rotation_quaternion", frame=frame)
 
     def close(self) -> None:
         """Remove the scene."""

@@ -17,6 +17,7 @@ from gasp_blender.grip import held_nodes, rigid_motion
 from gasp_blender.matter import Matter, connected, node_velocities
 from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
 from gasp_blender.stepping import SLOWEST
+from gasp_blender.struck import Struck
 from gasp_blender.volume import kept_open, middle_gradients
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
@@ -40,6 +41,8 @@ class Elastic:
     ----------
     problem, matter
         What is simulated, and the network that stands for it.
+    struck
+        What impulses strike.
     spacing
         Length of a voxel [m].
     turbulence
@@ -50,11 +53,13 @@ class Elastic:
         self,
         problem: PointProblem,
         matter: Matter,
+        struck: Struck,
         spacing: float,
         turbulence: tuple[float, float, int] | None = None,
     ) -> None:
         self._problem = problem
         self._matter = matter
+        self._struck = struck
         nodes = matter.cage.nodes
         # Of the longest springs: a node is then never lighter than about 1.3 springs, with the stable step for a unit.
         self._length = matter.cage.coarseness * spacing
@@ -101,11 +106,11 @@ class Elastic:
         self._state = state.astype(np.float32) if self._still else self._frames.recentred(state)
         self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
-        self._strike(0.0)
         self._constrain(0.0, 0.0)
 
     def step(self, now: float, end: float, step: float) -> bool:
         """From `now` to `end` [s]; False, and nothing changed, where Blender's state is not finite."""
+        self._strike(now)
         self._blow(now, step)
         before = self._state
         speed = step / self._unit
@@ -122,7 +127,6 @@ class Elastic:
         if not self._still:
             self._frames.fly(before, after, np.asarray(self._problem.gravity), step)
         self._keep_open()
-        self._strike(end)
         self._constrain(end, step)
         return True
 
@@ -233,15 +237,12 @@ class Elastic:
     def _strike(self, now: float) -> None:
         """Impulses that start now, on the points in their region in proportion to mass."""
         matter = self._matter
-        for drive in self._problem.drives:
-            if not (isinstance(drive, Impulse) and drive.start == now):
-                continue
-            struck = drive.region.signed_distance(self.positions()) <= 0
-            if not struck.any():
-                continue
-            kick = np.asarray(drive.impulse) / matter.point_masses[struck].sum()
-            given = scatter(matter.cage, matter.point_masses * struck) / matter.masses
-            self._put(None, self._velocities() + given[:, None] * kick)
+        for number, drive in enumerate(self._problem.drives):
+            if isinstance(drive, Impulse) and drive.start == now:
+                kick = self._struck.kick(number, drive)
+                inside = drive.region.signed_distance(self.positions()) <= 0
+                given = scatter(matter.cage, matter.point_masses * inside) / matter.masses
+                self._put(None, self._velocities() + given[:, None] * kick)
 
     def _constrain(self, now: float, step: float) -> None:
         """Contact, then what drives hold, which is stronger."""

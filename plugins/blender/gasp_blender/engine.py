@@ -16,6 +16,7 @@ from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
 from gasp_blender.starts import starts_inside
+from gasp_blender.struck import Struck
 from gasp_blender.studio import studio
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import SceneError
@@ -64,12 +65,14 @@ class Blender:
         told += notices(problem, matter, spacing, chosen.voxels)
         longest = _longest_step(matter, len(rows) > 0, accuracy)
         parts: list[tuple[Array, Elastic | RigidBodies]] = []
+        struck = Struck(problem)
         try:
             if matter is not None:
                 gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
-                parts.append((matter.rows, Elastic(problem, matter, spacing, gusts)))
+                parts.append((matter.rows, Elastic(problem, matter, struck, spacing, gusts)))
             if len(rows):
-                parts.append((rows, RigidBodies(problem, rows)))
+                parts.append((rows, RigidBodies(problem, rows, struck)))
+            struck.look_at(parts)
             time = 0.0 if restart is None else _restored(restart, parts)
         except BaseException:
             for _, part in parts:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.forcing import Driven, Pinned
 
-__all__ = ["held_nodes", "rigid_motion"]
+__all__ = ["at_start", "held_nodes", "pose", "rigid_motion"]
 
 Array = NDArray[Any]
 
@@ -30,22 +30,26 @@ def held_nodes(
 
     What is once held stays so until the drive ends.
     """
-    back, _ = _pose(drive, now)
-    center = np.asarray(drive.center) if isinstance(drive, Driven) else np.zeros(3)
-    shift = _shift(drive, now)
-    at_start = (positions - center - shift) @ back + center
     held = ~np.isnan(grips[:, 0])
-    fresh = (share_within(drive.region.signed_distance(at_start) <= 0) >= _HALF) & ~held
+    inside = drive.region.signed_distance(at_start(drive, now, positions)) <= 0
+    fresh = (share_within(inside) >= _HALF) & ~held
     grips = grips.copy()
-    grips[fresh] = (places[fresh] - center - shift) @ back + center
+    grips[fresh] = at_start(drive, now, places[fresh])
     return held | fresh, grips
+
+
+def at_start(drive: Pinned | Driven, now: float, places: Array) -> Array:
+    """Where what is at `places` (P, 3) [m] was when the drive started, if it went with it."""
+    back, _ = pose(drive, now)
+    center = np.asarray(drive.center) if isinstance(drive, Driven) else np.zeros(3)
+    return (places - center - _shift(drive, now)) @ back + center
 
 
 def rigid_motion(drive: Pinned | Driven, now: float, starts: Array) -> tuple[Array, Array]:
     """Places [m] and velocities [m/s] of held nodes, from where they were at the drive's start (H, 3)."""
     if isinstance(drive, Pinned):
         return starts, np.zeros_like(starts)
-    turn, spin = _pose(drive, now)
+    turn, spin = pose(drive, now)
     center = np.asarray(drive.center)
     arms = (starts - center) @ turn.T
     return center + _shift(drive, now) + arms, np.asarray(drive.velocity) + np.cross(spin, arms)
@@ -55,8 +59,8 @@ def _shift(drive: Pinned | Driven, now: float) -> Array:
     return np.asarray(drive.velocity) * (now - drive.start) if isinstance(drive, Driven) else np.zeros(3)
 
 
-def _pose(drive: Pinned | Driven, now: float) -> tuple[Array, Array]:
-    """Rotation since the start, (3, 3) by Rodrigues' formula, and angular velocity [rad/s]."""
+def pose(drive: Pinned | Driven, now: float) -> tuple[Array, Array]:
+    """Rotation since the start, (3, 3), by Rodrigues' formula, and angular velocity [rad/s]."""
     spin = np.asarray(drive.angular_velocity) if isinstance(drive, Driven) else np.zeros(3)
     rate = float(np.linalg.norm(spin))
     if rate == 0.0:

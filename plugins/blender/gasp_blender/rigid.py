@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.bullet import RigidWorld
+from gasp_blender.grip import at_start, pose, rigid_motion
+from gasp_blender.struck import Struck
 from gasp_blender.walls import wall_of
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import ContactCondition
+from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Wind
 from gasp_core.engine.materials import Rigid
 from gasp_core.errors import SceneError
 
@@ -36,19 +38,29 @@ def rigid_rows(problem: PointProblem) -> Array:
 class RigidBodies:
     """All rigid bodies of a problem.
 
+    Parameters
+    ----------
+    problem, rows
+        What is simulated, and the rows of their points.
+    struck
+        What impulses strike.
+
     Raises
     ------
     SceneError
         Where the scene asks of them what Bullet does not do.
     """
 
-    def __init__(self, problem: PointProblem, rows: Array) -> None:
+    def __init__(self, problem: PointProblem, rows: Array, struck: Struck) -> None:
         _refuse(problem)
+        self._problem = problem
+        self._struck = struck
         points = problem.points
         bodies = points.body_ids[rows]
         self._groups = [np.flatnonzero(bodies == body) for body in np.unique(bodies)]
         self._rest = points.reference_positions[rows]
         masses, velocities = problem.masses[rows], points.initial_velocities[rows]
+        self._masses = masses
         sides = np.cbrt(points.reference_volumes[rows])
         self._origin = (self._rest.min(axis=0) + self._rest.max(axis=0)) / 2
         self._length = max(float(np.ptp(self._rest[own], axis=0).max() + sides[own].max()) for own in self._groups)
@@ -57,22 +69,34 @@ class RigidBodies:
         for collider in problem.colliders:
             for vertices in wall_of(collider, self._length):
                 self._world.add_wall((vertices - self._origin) / self._length, collider.friction)
-        speeds, spins = [], []
-        for own, center in zip(self._groups, self._centers):
+        count = len(self._groups)
+        self._speeds, self._spins = np.zeros((count, 3)), np.zeros((count, 3))
+        for number, (own, center) in enumerate(zip(self._groups, self._centers)):
             arms = self._rest[own] - center
-            speed, spin = _rigid_velocity(arms, masses[own], velocities[own])
-            speeds.append(speed / self._length)
-            spins.append(spin)
+            self._speeds[number], self._spins[number] = _rigid_velocity(arms, masses[own], velocities[own])
             hull = _hull(arms, float(sides[own].mean()) / 2)
             self._world.add_body(hull / self._length, (center - self._origin) / self._length, float(masses[own].sum()))
-        fastest = max(float(np.linalg.norm(vectors, axis=1).max()) for vectors in (np.array(speeds), np.array(spins)))
-        lead = min(_TURN / fastest, 1.0) if fastest > 0 else 1.0
-        self._start = self._poses = self._world.throw(np.array(speeds), np.array(spins), lead)
-        self._speeds, self._spins = np.array(speeds) * self._length, np.array(spins)
-        self._steps: list[float] = []
+        self._poses = np.tile(np.eye(4), (count, 1, 1))
+        self._poses[:, :3, 3] = (self._centers - self._origin) / self._length
+        self._held = np.zeros(count, dtype=bool)
+        # By drive and body: where its centre was and how it was turned when the drive took hold of it.
+        self._grips: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._throw()
+        self._start = self._poses
+        self._steps: list[tuple[float, float, float]] = []
 
     def step(self, now: float, end: float, step: float) -> bool:
         """From `now` to `end` [s]; False where Blender's state is not finite."""
+        pushed = self._push(now, step)
+        goals = self._goals(now, end)
+        held = np.isin(np.arange(len(self._groups)), list(goals))
+        if pushed or (held != self._held).any():
+            self._held = held
+            self._throw()
+        for number, (center, turn, _, _) in goals.items():
+            goal = np.eye(4)
+            goal[:3, :3], goal[:3, 3] = turn, (center - self._origin) / self._length
+            self._world.lead(number, goal)
         before, after = self._poses, self._world.step(step)
         if not np.isfinite(after).all():
             return False
@@ -84,9 +108,71 @@ class RigidBodies:
         )
         sine = np.linalg.norm(twist, axis=0) / 2
         self._spins = (twist / 2 / np.sinc(np.arcsin(np.minimum(sine, 1.0)) / np.pi) / step).T
+        for number, (_, _, speed, spin) in goals.items():
+            self._speeds[number], self._spins[number] = speed, spin
         self._poses = after
-        self._steps.append(step)
+        self._steps.append((now, end, step))
         return True
+
+    def _throw(self) -> None:
+        """Have Bullet start from the poses and velocities that bodies have now."""
+        speeds = self._speeds / self._length
+        fastest = max(float(np.linalg.norm(vectors, axis=1).max()) for vectors in (speeds, self._spins))
+        lead = min(_TURN / fastest, 1.0) if fastest > 0 else 1.0
+        self._poses = self._world.throw(self._poses, speeds, self._spins, self._held, lead)
+
+    def _push(self, now: float, step: float) -> bool:
+        """Impulses that start now, and what wind does within a step; whether there was any."""
+        impulses = [
+            (number, drive)
+            for number, drive in enumerate(self._problem.drives)
+            if isinstance(drive, Impulse) and drive.start == now
+        ]
+        winds = [
+            wind for wind in self._problem.force_fields if isinstance(wind, Wind) and wind.start <= now < wind.end
+        ]
+        if not (impulses or winds):
+            return False
+        places, velocities = self.positions(), self.velocities()
+        for number, impulse in impulses:
+            kick = self._struck.kick(number, impulse)
+            velocities[impulse.region.signed_distance(places) <= 0] += kick
+        for wind in winds:
+            taken = np.full(len(places), -np.expm1(-wind.drag * step))
+            if wind.region is not None:
+                taken[wind.region.signed_distance(places) > 0] = 0.0
+            velocities += taken[:, None] * (np.asarray(wind.velocity) - velocities)
+        for number, own in enumerate(self._groups):
+            arms = places[own] - np.average(places[own], axis=0, weights=self._masses[own])
+            self._speeds[number], self._spins[number] = _rigid_velocity(arms, self._masses[own], velocities[own])
+        return True
+
+    def _goals(self, now: float, end: float) -> dict[int, tuple[Array, Array, Array, Array]]:
+        """By body that is held: centre [m], turn (3, 3), velocity and angular velocity at the end of a step.
+
+        A body is held as a whole with any point of it, and by the last drive of several.
+        """
+        found: dict[int, tuple[Array, Array, Array, Array]] = {}
+        places: Array | None = None
+        for index, drive in enumerate(self._problem.drives):
+            if not isinstance(drive, (Pinned, Driven)):
+                continue
+            if not drive.start <= now < drive.end:
+                self._grips = {key: grip for key, grip in self._grips.items() if key[0] != index}
+                continue
+            places = self.positions() if places is None else places
+            inside = drive.region.signed_distance(at_start(drive, now, places)) <= 0
+            for number, own in enumerate(self._groups):
+                if (index, number) not in self._grips:
+                    if not inside[own].any():
+                        continue
+                    center = at_start(drive, now, self._poses[number][None, :3, 3] * self._length + self._origin)
+                    self._grips[index, number] = center, pose(drive, now)[0].T @ self._poses[number, :3, :3]
+                center, turn = self._grips[index, number]
+                later, speed = rigid_motion(drive, end, center)
+                total, spin = pose(drive, end)
+                found[number] = later[0], total @ turn, speed[0], spin
+        return found
 
     def positions(self) -> Array:
         """Of the points (N, 3) [m]."""
@@ -108,7 +194,7 @@ class RigidBodies:
 
     def keep(self) -> dict[str, Array]:
         """The steps taken: Bullet shows no velocities, but takes the same steps to the same bits."""
-        return {"rigid_steps": np.array(self._steps)}
+        return {"rigid_steps": np.array(self._steps).reshape(-1, 3), "struck": self._struck.masses.copy()}
 
     def restore(self, kept: Mapping[str, Array]) -> None:
         """Take the steps of `keep` again.
@@ -118,13 +204,14 @@ class RigidBodies:
         SceneError
             Where it is of another scene.
         """
-        steps = np.asarray(kept.get("rigid_steps", np.zeros((0, 0))))
-        if steps.ndim != 1:
+        steps, struck = np.asarray(kept.get("rigid_steps", 0.0)), np.asarray(kept.get("struck", 0.0))
+        if steps.shape[1:] != (3,) or struck.shape != self._struck.masses.shape:
             raise SceneError(
                 "the checkpoint holds no rigid_steps: it belongs to another scene or engine; start the run anew"
             )
-        for step in steps.tolist():
-            self.step(0.0, 0.0, step)
+        self._struck.masses[:] = struck
+        for now, end, step in steps.tolist():
+            self.step(now, end, step)
 
     def close(self) -> None:
         """Let go of Blender's scene."""
@@ -132,11 +219,6 @@ class RigidBodies:
 
 
 def _refuse(problem: PointProblem) -> None:
-    if problem.drives or problem.force_fields:
-        raise SceneError(
-            "blender moves rigid bodies by weight and contact alone: leave out drives and force fields, or make the"
-            " bodies elastic"
-        )
     for number, collider in enumerate(problem.colliders, start=1):
         if collider.contact is not ContactCondition.SEPARATE:
             raise SceneError(
