@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.apart import LAYERS
 from gasp_blender.meshes import mesh_object
 from gasp_blender.studio import evaluated, new_name, new_scene, quiet, remove_scene, studio
 
@@ -73,9 +74,13 @@ class RigidWorld:
             wall.location = center.tolist()
             self._collection.objects.link(wall)
             self._set(wall.rigid_body, "PASSIVE", friction)
+            wall.rigid_body.collision_collections = [True] * LAYERS
 
-    def add_body(self, hull: Array, center: Array, mass: float) -> None:
-        """A body whose centre of mass is at `center` (3,), with a hull (H, 3) about it."""
+    def add_body(self, hull: Array, center: Array, mass: float, layers: Array) -> None:
+        """A body whose centre of mass is at `center` (3,), with a hull (H, 3) about it.
+
+        Bodies that have one of their `layers` (LAYERS,) in common touch each other.
+        """
         with quiet():
             body = mesh_object(self._scene, hull)
             body.rotation_mode = "QUATERNION"
@@ -86,6 +91,7 @@ class RigidWorld:
             settings.mass = mass
             settings.linear_damping = settings.angular_damping = 0.0
             settings.use_deactivation = False
+            settings.collision_collections = layers.tolist()
             self._bodies.append(body)
 
     def throw(self, poses: Array, velocities: Array, spins: Array, held: Array, lead: float) -> Array:

@@ -71,7 +71,9 @@ class Blender:
                 gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
                 parts.append((matter.rows, Elastic(problem, matter, struck, spacing, gusts)))
             if len(rows):
-                parts.append((rows, RigidBodies(problem, rows, struck)))
+                bodies = RigidBodies(problem, rows, struck)
+                parts.append((rows, bodies))
+                told += bodies.told
             struck.look_at(parts)
             time = 0.0 if restart is None else _restored(restart, parts)
         except BaseException:

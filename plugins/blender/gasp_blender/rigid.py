@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.apart import collision_layers, overlapping
 from gasp_blender.bullet import RigidWorld
 from gasp_blender.grip import at_start, pose, rigid_motion
 from gasp_blender.struck import Struck
@@ -71,11 +72,22 @@ class RigidBodies:
                 self._world.add_wall((vertices - self._origin) / self._length, collider.friction)
         count = len(self._groups)
         self._speeds, self._spins = np.zeros((count, 3)), np.zeros((count, 3))
+        hulls: list[Array] = []
         for number, (own, center) in enumerate(zip(self._groups, self._centers)):
             arms = self._rest[own] - center
             self._speeds[number], self._spins[number] = _rigid_velocity(arms, masses[own], velocities[own])
-            hull = _hull(arms, float(sides[own].mean()) / 2)
-            self._world.add_body(hull / self._length, (center - self._origin) / self._length, float(masses[own].sum()))
+            hulls.append(_hull(arms, float(sides[own].mean()) / 2))
+        places = [hull + center for hull, center in zip(hulls, self._centers)]
+        inside = overlapping(places, _directions())
+        self.told = _told(inside, [int(bodies[own[0]]) for own in self._groups])
+        layers = collision_layers(~inside)
+        for number, (own, center) in enumerate(zip(self._groups, self._centers)):
+            self._world.add_body(
+                hulls[number] / self._length,
+                (center - self._origin) / self._length,
+                float(masses[own].sum()),
+                layers[number],
+            )
         self._poses = np.tile(np.eye(4), (count, 1, 1))
         self._poses[:, :3, 3] = (self._centers - self._origin) / self._length
         self._held = np.zeros(count, dtype=bool)
@@ -237,10 +249,27 @@ def _rigid_velocity(arms: Array, masses: Array, velocities: Array) -> tuple[Arra
     return mean, np.linalg.pinv(inertia, rcond=1e-12, hermitian=True) @ momentum
 
 
+def _told(inside: Array, bodies: list[int]) -> list[str]:
+    """A line for the user where bodies, by their ids, start inside each other."""
+    pairs = [f"{bodies[one]} and {bodies[other]}" for one, other in np.argwhere(np.triu(inside))]
+    if not pairs:
+        return []
+    more = f" and {len(pairs) - 3} more pairs" if len(pairs) > 3 else ""
+    return [
+        f"the hulls of rigid bodies {', '.join(pairs[:3])}{more} start inside each other: these do not touch, as they"
+        " would be thrown apart; move them apart if they should"
+    ]
+
+
+def _directions() -> Array:
+    """Unit vectors in which the farthest points of a body are looked for, (D, 3), those of the axes among them."""
+    drawn = np.random.default_rng(0).normal(size=(_DIRECTIONS, 3))
+    return np.concatenate([drawn / np.linalg.norm(drawn, axis=1)[:, None], np.eye(3)])
+
+
 def _hull(arms: Array, margin: float) -> Array:
     """Points that span the hull of what the points (N, 3) stand for, each a cube with half a side of `margin`."""
-    generator = np.random.default_rng(0)
-    directions = generator.normal(size=(_DIRECTIONS, 3))
+    directions = _directions()
     spanning = arms if len(arms) <= _DIRECTIONS else arms[np.unique((arms @ directions.T).argmax(axis=0))]
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * margin
     grown = (spanning[:, None] + corners).reshape(-1, 3)
