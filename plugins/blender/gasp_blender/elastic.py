@@ -15,6 +15,7 @@ from gasp_blender.contact import Bonds, touch
 from gasp_blender.frames import Frames
 from gasp_blender.grip import held_nodes, rigid_motion
 from gasp_blender.matter import Matter, connected, node_velocities
+from gasp_blender.meeting import Meeting
 from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
 from gasp_blender.stepping import SLOWEST
 from gasp_blender.struck import Struck
@@ -104,6 +105,8 @@ class Elastic:
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         state = np.concatenate([places, self._frames.velocity_within(velocities, rows)], axis=1)
         self._state = state.astype(np.float32) if self._still else self._frames.recentred(state)
+        meets = not matter.is_cloth and matter.bodies.max() > 0
+        self._meeting = Meeting(matter.cage, matter.bodies, matter.masses) if meets else None
         self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         self._constrain(0.0, 0.0)
@@ -127,6 +130,7 @@ class Elastic:
         if not self._still:
             self._frames.fly(before, after, np.asarray(self._problem.gravity), step)
         self._keep_open()
+        self._meet(step)
         self._constrain(end, step)
         return True
 
@@ -142,7 +146,8 @@ class Elastic:
 
     def keep(self) -> dict[str, Array]:
         """Everything that changes."""
-        return {
+        meeting = {} if self._meeting is None else {"faces": self._meeting.faces.copy()}
+        return meeting | {
             "state": self._state.copy(),
             "origins": self._frames.places.copy(),
             "drifts": self._frames.velocities.copy(),
@@ -169,6 +174,8 @@ class Elastic:
                     " engine; start the run anew"
                 )
         self._state = np.array(kept["state"], np.float32)
+        if self._meeting is not None:
+            self._meeting.faces = np.array(kept["faces"], np.int8)
         self._frames.places = np.array(kept["origins"], np.float64)
         self._frames.velocities = np.array(kept["drifts"], np.float64)
         self._bonds = Bonds(
@@ -212,6 +219,12 @@ class Elastic:
         )
         if changed is not None:
             self._state[:, 3:] = changed
+
+    def _meet(self, step: float) -> None:
+        """Contact of bodies with each other."""
+        found = None if self._meeting is None else self._meeting.touch(self._places(), self._velocities(), step)
+        if found is not None:
+            self._put(*found)
 
     def _share_within(self, inside: Array) -> Array:
         """Which part of its matter each node has among the points `inside` (N,), (V,)."""

@@ -42,6 +42,8 @@ class Matter:
         Springs, rows of the cage's nodes.
     quarters : (E,)
         How many quarters of a spring each is.
+    bodies : (V,)
+        Of the nodes, 0 to B - 1.
     masses : (V,) [kg]
         Of the nodes.
     forces : (V,) [N]
@@ -61,6 +63,7 @@ class Matter:
     cage: Cage
     edges: Array
     quarters: Array
+    bodies: Array
     masses: Array
     forces: Array
     point_masses: Array
@@ -96,6 +99,7 @@ def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter |
         cage=cage,
         edges=np.concatenate([part.edges + start for part, start in zip(parts, starts)]),
         quarters=np.concatenate([part.quarters for part in parts]),
+        bodies=np.repeat(np.arange(len(parts)), [len(part.masses) for part in parts]),
         masses=np.concatenate([part.masses for part in parts]),
         forces=np.concatenate([part.forces for part in parts]),
         point_masses=np.concatenate([part.point_masses for part in parts]),
@@ -142,6 +146,7 @@ def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: i
         cage=sheet,
         edges=edges,
         quarters=np.full(len(edges), 4),
+        bodies=np.zeros(count, np.int64),
         masses=np.full(count, point_masses.sum() / count),
         forces=np.full(count, force),
         point_masses=point_masses,
@@ -172,6 +177,7 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
         cage=cage,
         edges=edges,
         quarters=quarters,
+        bodies=np.zeros(len(masses), np.int64),
         masses=masses,
         forces=np.full(len(masses), force),
         point_masses=point_masses,

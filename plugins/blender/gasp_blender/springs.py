@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage
+from gasp_blender.lattice import ranks
 
 __all__ = ["POISSONS_RATIO", "fastest_pulse", "node_weights", "spring_edges", "spring_force", "spring_shares"]
 
@@ -66,22 +67,13 @@ def _lattice(cage: Cage) -> Array:
 
 def _line_factors(places: Array, axis: int) -> Array:
     """Of nodes (V,), along the straight rows of neighbours in which they lie."""
-    others = [other for other in range(3) if other != axis]
-    order = np.lexsort((places[:, axis], places[:, others[1]], places[:, others[0]]))
-    steps = np.diff(places[order], axis=0)
-    goes_on = (steps[:, axis] == 1) & (steps[:, others] == 0).all(axis=1)
-    row = np.concatenate([[0], np.cumsum(~goes_on)])
-    first = np.searchsorted(row, np.arange(row[-1] + 1))
-    ranks = np.arange(len(places)) - first[row]
-    intervals = np.bincount(row)[row] - 1
-    weights = np.where((ranks == 0) | (ranks == intervals), 0.5, 1.0)
+    before, after = ranks(places, axis)
+    weights = np.where((before == 0) | (after == 0), 0.5, 1.0)
     trapezoidal = weights.copy()
     for k, gain in enumerate(_GREGORY):
-        weights += gain * ((ranks == k) + 1.0 * (intervals - ranks == k))
-    found = np.empty(len(places))
+        weights += gain * ((before == k) + 1.0 * (after == k))
     # Over a single voxel both are the same.
-    found[order] = np.where(intervals > 1, weights / trapezoidal, 1.0)
-    return found
+    return np.where(before + after > 1, weights / trapezoidal, 1.0)
 
 
 def spring_shares(weights: Array, edges: Array, quarters: Array) -> Array:
