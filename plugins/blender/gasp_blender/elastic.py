@@ -100,13 +100,16 @@ class Elastic:
                 acceleration, size, seed = turbulence
                 force = acceleration * self._unit**2 / self._length * float(masses.mean())
                 gusts = Gusts(force=force, size=size / self._length, seed=seed)
-            self._body = soft_body(places, np.repeat(matter.edges, matter.quarters, axis=0), matter.weights, masses, gravity, gusts)
+            self._body = soft_body(
+                places, np.repeat(matter.edges, matter.quarters, axis=0), matter.weights, masses, gravity, gusts
+            )
             self._gradients = middle_gradients(nodes / self._length, matter.cage.voxels)
         velocities = node_velocities(matter, problem.points.initial_velocities[matter.rows])
         state = np.concatenate([places, self._frames.velocity_within(velocities, rows)], axis=1)
         self._state = state.astype(np.float32) if self._still else self._frames.recentred(state)
         meets = not matter.is_cloth and matter.bodies.max() > 0
         self._meeting = Meeting(matter.cage, matter.bodies, matter.masses) if meets else None
+        self.told = [] if self._meeting is None else self._meeting.told
         self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         self._constrain(0.0, 0.0)
@@ -214,9 +217,7 @@ class Elastic:
         if self._matter.is_cloth:
             return
         state = self._state.astype(np.float64)
-        changed = kept_open(
-            self._matter.cage.voxels, self._gradients, self._matter.masses, state[:, :3], state[:, 3:]
-        )
+        changed = kept_open(self._matter.cage.voxels, self._gradients, self._matter.masses, state[:, :3], state[:, 3:])
         if changed is not None:
             self._state[:, 3:] = changed
 

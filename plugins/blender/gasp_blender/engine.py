@@ -69,7 +69,9 @@ class Blender:
         try:
             if matter is not None:
                 gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
-                parts.append((matter.rows, Elastic(problem, matter, struck, spacing, gusts)))
+                elastic = Elastic(problem, matter, struck, spacing, gusts)
+                parts.append((matter.rows, elastic))
+                told += elastic.told
             if len(rows):
                 bodies = RigidBodies(problem, rows, struck)
                 parts.append((rows, bodies))

@@ -20,11 +20,13 @@ from gasp_blender.cage import CORNERS, Cage
 from gasp_blender.lattice import ranks
 from gasp_blender.volume import middle_gradients
 
-__all__ = ["FREE", "STARTED_INSIDE", "Meeting"]
+__all__ = ["Meeting"]
 
 Array = NDArray[Any]
 
-FREE, STARTED_INSIDE = -1, -2
+_FREE, _STARTED_INSIDE = -1, -2
+_GUESSED = 6
+"""Added to the number of a face, of 0 to 5, by which a node cannot have come within a step."""
 _NEAR = 1e-3
 """In voxels: how far a node may be beside a voxel and still be in it, and how deep it is taken to be at least."""
 _LATE = 0.1
@@ -64,17 +66,27 @@ class Meeting:
         # Nodes within a body are behind others, that touch first.
         skin = np.bincount(voxels.ravel(), minlength=len(nodes)) < len(CORNERS)
         self._skins = [np.flatnonzero(skin & (bodies == body)) for body in range(len(self._own))]
-        self.faces: Array = np.full((len(nodes), len(self._own)), FREE, np.int8)
-        """By which of six faces each node has come into each body."""
+        self.faces: Array = np.full((len(nodes), len(self._own)), _FREE, np.int8)
+        """By which face each node has come into each body, (V, B)."""
+        pairs: list[str] = []
         for one in range(len(self._own)):
             for other in range(len(self._own)):
-                inside, _, _, _ = self._found(one, other, nodes)
-                self.faces[inside, other] = STARTED_INSIDE
-
-    @property
-    def starts_inside(self) -> bool:
-        """Whether any node still is where it should not have started."""
-        return bool((self.faces == STARTED_INSIDE).any())
+                inside, voxels, within, _ = self._found(one, other, nodes)
+                # What lies against another body touches it, and is not inside.
+                deep = inside[self._ways_out(voxels, within).min(axis=1) > _LATE]
+                self.faces[deep, other] = _STARTED_INSIDE
+                if len(deep):
+                    pairs.append(f"{len(deep)} nodes of the {one + 1}. in the {other + 1}.")
+        more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
+        self.told: list[str] = (
+            [
+                f"elastic bodies start inside each other ({', '.join(pairs[:3])}{more}): what is inside is felt only once"
+                " it has left; move them apart if they should touch at once"
+            ]
+            if pairs
+            else []
+        )
+        """For the user."""
 
     def touch(self, places: Array, velocities: Array, step: float) -> tuple[Array, Array] | None:
         """Places [m] and velocities [m/s] (V, 3) after contact, at the end of a `step` [s]; None where there is none."""
@@ -83,7 +95,7 @@ class Meeting:
         near = (low[:, None] <= high).all(axis=2) & (high[:, None] >= low).all(axis=2)
         parts: list[tuple[Array, Array, Array, Array, Array]] = []
         for one, other in np.argwhere(~near):
-            self.faces[self._skins[one], other] = FREE
+            self.faces[self._skins[one], other] = _FREE
         for one, other in np.argwhere(near):
             if one != other:
                 parts.append(self._contacts(int(one), int(other), places, velocities, step))
@@ -123,6 +135,10 @@ class Meeting:
         order = order[np.unique(rows[order], return_index=True)[1]]
         return skin[rows[order]], own[which[order]], np.clip(within[order], 0.0, 1.0), back[order]
 
+    def _ways_out(self, voxels: Array, within: Array) -> Array:
+        """Through each of the six faces of a body, in its voxels, (K, 6)."""
+        return np.stack([within, 1 - within], axis=2).reshape(-1, 6) + self._beyond[voxels]
+
     def _contacts(
         self, one: int, other: int, places: Array, velocities: Array, step: float
     ) -> tuple[Array, Array, Array, Array, Array]:
@@ -133,27 +149,36 @@ class Meeting:
         # Of the six faces: normals over thickness of a voxel, and how many voxels deep the node is.
         slopes = np.stack([-back, back], axis=2).reshape(-1, 6, 3)
         lengths = np.linalg.norm(slopes, axis=2)
-        depths = (np.stack([within, 1 - within], axis=2).reshape(-1, 6) + self._beyond[voxels]) / lengths
+        depths = self._ways_out(voxels, within) / lengths
         normals = slopes / lengths[:, :, None]
         closing = velocities[nodes] - (weights[:, :, None] * velocities[corners]).sum(axis=1)
         speeds = -(normals * closing[:, None]).sum(axis=2)
         # Through which face it may have come within this step, and for how long it has been in by that.
-        came = depths <= 2 * np.maximum(speeds, 0.0) * step + _LATE / lengths
-        ages = np.where(came, (depths + _NEAR / lengths) / np.where(speeds > 0, speeds, 1e-300), np.inf)
-        first = np.argmin(ages, axis=1)
-        first = np.where(np.isfinite(ages.min(axis=1)), first, STARTED_INSIDE)
+        closing_speeds = np.maximum(speeds, 0.0)
+        ages = (depths + _NEAR / lengths) / np.maximum(closing_speeds, 1e-300)
+        came = depths <= 2 * closing_speeds * step + _LATE / lengths
+        first = np.argmin(np.where(came, ages, np.inf), axis=1)
+        lost = ~came.any(axis=1)
+        first[lost] = _GUESSED + np.argmin(ages[lost], axis=1)
         kept = self.faces[nodes, other]
-        faces = np.where(kept == FREE, first, kept)
-        self.faces[self._skins[one], other] = FREE
+        faces = np.where(kept == _FREE, first, kept)
+        self.faces[self._skins[one], other] = _FREE
         self.faces[nodes, other] = faces
-        real = np.flatnonzero(faces != STARTED_INSIDE)
-        chosen = faces[real]
-        # To put it out at once from deep within would add energy.
-        ways = np.minimum(depths, _LATE / lengths)
+        real = np.flatnonzero(faces != _STARTED_INSIDE)
+        chosen = faces[real] % _GUESSED
+        # To put it out at once from deep within, or by a face that is a guess, would add energy.
+        ways = np.minimum(depths, np.where((faces >= _GUESSED)[:, None], closing_speeds * step, _LATE / lengths))
         return nodes[real], corners[real], weights[real], normals[real, chosen], ways[real, chosen]
 
     def _resolved(
-        self, nodes: Array, corners: Array, weights: Array, normals: Array, depths: Array, places: Array, velocities: Array
+        self,
+        nodes: Array,
+        corners: Array,
+        weights: Array,
+        normals: Array,
+        depths: Array,
+        places: Array,
+        velocities: Array,
     ) -> tuple[Array, Array]:
         gives = 1 / self._masses[nodes]
         backs = weights / self._masses[corners]

@@ -31,9 +31,11 @@ def notices(problem: PointProblem, matter: Matter | None, spacing: float, most_v
             f"a cage has voxels of {matter.cage.coarseness * spacing:.3g} m instead of the {spacing:.3g} m of the"
             f" resolution, as it may have {most_voxels}: raise the option voxels, or lower the resolution"
         )
-    bodies = len(np.unique(problem.points.body_ids))
-    if bodies > 1:
+    kinds = {type(problem.materials[number]) for number in np.unique(problem.points.material_ids)}
+    if len(kinds) > 1:
         yield (
-            f"blender's elastic bodies touch colliders alone: the {bodies} bodies of this scene pass through each other"
-            " where one of the two is elastic; keep them apart, or use another engine"
+            "blender's elastic bodies and its rigid ones pass through each other: keep them apart, make all of one"
+            " kind, or use another engine"
         )
+    if matter.is_cloth and matter.bodies.max() > 0:
+        yield "sheets of blender's cloth pass through each other: keep them apart, or use elastic = cage"

@@ -37,9 +37,8 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 drives=frozenset({Pinned, Driven, Impulse}),
                 force_fields=frozenset({Wind}),
                 output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES}),
-                # Not linear momentum, which is shown by bodies that collide, nor the masses of points, as a node that
-                # hardly any matter lies around is made heavier.
-                conserved=frozenset({Quantity.ANGULAR_MOMENTUM}),
+                # Not the masses of points, as a node that hardly any matter lies around is made heavier.
+                conserved=frozenset({Quantity.ANGULAR_MOMENTUM, Quantity.LINEAR_MOMENTUM}),
                 devices=("cpu",),
                 precisions=(Precision.FLOAT32,),
                 determinism=Determinism.BITWISE,

@@ -140,9 +140,7 @@ class RigidBodies:
             for number, drive in enumerate(self._problem.drives)
             if isinstance(drive, Impulse) and drive.start == now
         ]
-        winds = [
-            wind for wind in self._problem.force_fields if isinstance(wind, Wind) and wind.start <= now < wind.end
-        ]
+        winds = [wind for wind in self._problem.force_fields if isinstance(wind, Wind) and wind.start <= now < wind.end]
         if not (impulses or winds):
             return False
         places, velocities = self.positions(), self.velocities()
