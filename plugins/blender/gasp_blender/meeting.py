@@ -80,8 +80,8 @@ class Meeting:
         more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
         self.told: list[str] = (
             [
-                f"elastic bodies start inside each other ({', '.join(pairs[:3])}{more}): what is inside is felt only once"
-                " it has left; move them apart if they should touch at once"
+                f"elastic bodies start inside each other ({', '.join(pairs[:3])}{more}): what is inside is felt only"
+                " once it has left; move them apart if they should touch at once"
             ]
             if pairs
             else []
@@ -89,7 +89,7 @@ class Meeting:
         """For the user."""
 
     def touch(self, places: Array, velocities: Array, step: float) -> tuple[Array, Array] | None:
-        """Places [m] and velocities [m/s] (V, 3) after contact, at the end of a `step` [s]; None where there is none."""
+        """Places [m] and velocities [m/s] (V, 3) after contact in a `step` [s]; None where there is none."""
         low = np.array([places[skin].min(axis=0) for skin in self._skins])
         high = np.array([places[skin].max(axis=0) for skin in self._skins])
         near = (low[:, None] <= high).all(axis=2) & (high[:, None] >= low).all(axis=2)
@@ -176,10 +176,11 @@ class Meeting:
         corners: Array,
         weights: Array,
         normals: Array,
-        depths: Array,
+        ways: Array,
         places: Array,
         velocities: Array,
     ) -> tuple[Array, Array]:
+        """What `_contacts` found, done to places and velocities (V, 3), which are changed."""
         gives = 1 / self._masses[nodes]
         backs = weights / self._masses[corners]
         crowd = np.bincount(nodes, minlength=len(places)) + np.bincount(corners.ravel(), minlength=len(places))
@@ -190,7 +191,7 @@ class Meeting:
             np.add.at(moved, nodes, gives[:, None] * pushes)
             np.add.at(moved, corners, -backs[:, :, None] * pushes[:, None])
 
-        push(places, depths)
+        push(places, ways)
         for _ in range(_ROUNDS):
             apart = velocities[nodes] - (weights[:, :, None] * velocities[corners]).sum(axis=1)
             speeds = (apart * normals).sum(axis=1)

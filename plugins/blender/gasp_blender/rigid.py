@@ -187,9 +187,9 @@ class RigidBodies:
     def positions(self) -> Array:
         """Of the points (N, 3) [m]."""
         places = np.empty_like(self._rest)
-        for own, center, start, pose in zip(self._groups, self._centers, self._start, self._poses):
-            turn = pose[:3, :3] @ start[:3, :3].T
-            shift = (pose[:3, 3] - start[:3, 3]) * self._length
+        for own, center, start, now in zip(self._groups, self._centers, self._start, self._poses):
+            turn = now[:3, :3] @ start[:3, :3].T
+            shift = (now[:3, 3] - start[:3, 3]) * self._length
             arms = self._rest[own] - center
             places[own] = self._rest[own] + shift + arms @ (turn - np.eye(3)).T
         return places

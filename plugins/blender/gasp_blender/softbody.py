@@ -33,8 +33,8 @@ _TURBULENCE = 1.25e-4
 with friction it has the other sign."""
 _PULL = 2.0**-7
 SPRING = 4 * float(np.float32(1) / (np.float32(1) - np.float32(_PULL)) - np.float32(1))
-"""Force of a spring at a strain of one, which is four of Blender's: each p / (1 - p) of pull and push, with Blender's own
-rounding. Small, because masses are bounded above, and no smaller, because they are bounded below: see `Elastic`."""
+"""Force of a spring at a strain of one, which is four of Blender's: each p / (1 - p) of pull and push, with Blender's
+own rounding. Small, because masses are bounded above, and no smaller, because they are bounded below: see `Elastic`."""
 LIGHTEST = 0.01
 """Of vertices. Blender moves a lighter one as if it had this mass, but weighs it by its own: it falls too slowly."""
 HEAVIEST = 4e4

@@ -9,8 +9,8 @@ symmetry and so Poisson's ratio 1/4, whatever is asked for (Love 1927, note B). 
 network's energy is that of the material, E eps^2 / 2 a volume, when it is stretched along its longest side.
 
 Springs lie in layers, and what they add up over a thickness is the trapezoidal rule, which makes a plate of two voxels
-bend by a quarter too little. So layers weigh what Gregory's rule of third order says, 3/8, 7/6, 23/24, 1, 1, ... (for two
-voxels Simpson's 1/3, 4/3, 1/3), which is right for the square of the height. Blender weighs a spring by the fourth
+bend by a quarter too little. So layers weigh what Gregory's rule of third order says, 3/8, 7/6, 23/24, 1, 1, ... (for
+two voxels Simpson's 1/3, 4/3, 1/3), which is right for the square of the height. Blender weighs a spring by the fourth
 power of the mean of its ends' weights.
 """
 
