@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-
 from pathlib import Path
 from time import sleep
 
@@ -468,7 +467,8 @@ def test_points_are_carried_as_blenders_lattice_carries_them(kit):
         "    scene = new_scene()\n"
         "    lattice = bpy.data.lattices.new('lattice')\n"
         "    lattice.points_u, lattice.points_v, lattice.points_w = (counts + 1).tolist()\n"
-        "    lattice.interpolation_type_u = lattice.interpolation_type_v = lattice.interpolation_type_w = 'KEY_LINEAR'\n"
+        "    for axis in 'uvw':\n"
+        "        setattr(lattice, 'interpolation_type_' + axis, 'KEY_LINEAR')\n"
         "    keys = np.array([key.co for key in lattice.points])\n"
         "    spread = np.ptp(keys, axis=0)\n"
         "    places = (keys - keys.min(axis=0)) / spread * size\n"
