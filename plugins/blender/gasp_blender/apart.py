@@ -1,4 +1,7 @@
-"""Rigid bodies that start inside each other: Bullet would throw them apart, so they do not meet."""
+"""Rigid bodies that start inside each other, or inside a wall: Bullet would throw them apart.
+
+Bodies that do so do not meet. A wall that a body starts in is another one for that body, moved back until they touch.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 
-__all__ = ["LAYERS", "collision_layers", "overlapping"]
+__all__ = ["LAYERS", "collision_layers", "depths_between", "overlapping"]
 
 Array = NDArray[Any]
 
@@ -20,29 +23,36 @@ _DEEP = 0.01
 """Of the smaller body's size: hulls that touch, or nearly, may start so."""
 
 
-def overlapping(hulls: Sequence[Array], directions: Array) -> Array:
-    """Which bodies start inside each other, (B, B) bool.
+def depths_between(hulls: Sequence[Array], others: Sequence[Array], directions: Array) -> tuple[Array, Array]:
+    """How deep hulls are in other ones, (B, W), <= 0 where they are apart; and the rows of `directions` to leave by.
 
     Parameters
     ----------
-    hulls
+    hulls, others
         Points (H, 3) of each, in one frame.
     directions : (D, 3)
-        Unit vectors, along which hulls have to overlap.
+        Unit vectors, along one of which the hulls are taken to be the least deep in each other.
     """
-    highs = np.array([(hull @ directions.T).max(axis=0) for hull in hulls])
-    lows = np.array([(hull @ directions.T).min(axis=0) for hull in hulls])
-    sizes = (highs - lows).max(axis=1)
-    found = np.zeros((len(hulls), len(hulls)), dtype=bool)
-    for one in range(len(hulls)):
-        depths = (np.minimum(highs[one], highs) - np.maximum(lows[one], lows)).min(axis=1)
-        found[one] = depths > _DEEP * np.minimum(sizes[one], sizes)
+    depths, ways = np.empty((len(hulls), len(others))), np.empty((len(hulls), len(others)), np.int64)
+    # Of all hulls that they meet, beneath the lowest point of one and the highest of the other.
+    lows = np.array([(other @ directions.T).min(axis=0) for other in others]).reshape(-1, len(directions))
+    for number, hull in enumerate(hulls):
+        into = (hull @ directions.T).max(axis=0) - lows
+        depths[number], ways[number] = into.min(axis=1), into.argmin(axis=1)
+    return depths, ways
+
+
+def overlapping(hulls: Sequence[Array], directions: Array) -> Array:
+    """Which bodies start inside each other, (B, B) bool; parameters as of `depths_between`."""
+    depths, _ = depths_between(hulls, hulls, directions)
+    sizes = np.array([np.ptp(hull, axis=0).max() for hull in hulls])
+    found = np.minimum(depths, depths.T) > _DEEP * np.minimum(sizes, sizes[:, None])
     np.fill_diagonal(found, val=False)
     return found
 
 
 def collision_layers(meeting: Array) -> Array:
-    """Layers of bodies, (B, LAYERS) bool: two that meet, (B, B) bool, have one in common, and others have none.
+    """Layers of things, (T, LAYERS) bool: two that meet, (T, T) bool, have one in common, and others have none.
 
     Raises
     ------
@@ -56,14 +66,14 @@ def collision_layers(meeting: Array) -> Array:
         if not missing.any():
             break
         group = list(dict.fromkeys(np.argwhere(missing)[0].tolist()))
-        for body in range(len(meeting)):
-            if body not in group and together[body, group].all():
-                group.append(body)
+        for thing in range(len(meeting)):
+            if thing not in group and together[thing, group].all():
+                group.append(thing)
         layers[group, layer] = True
         missing[np.ix_(group, group)] = False
     if missing.any():
         raise SceneError(
-            f"so many of the {len(meeting)} rigid bodies start inside each other that Blender cannot keep them apart:"
+            "so many rigid bodies start inside each other, or inside colliders, that Blender cannot keep them apart:"
             " move them apart, or simulate fewer"
         )
     return layers

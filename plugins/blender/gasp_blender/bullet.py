@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_blender.apart import LAYERS
 from gasp_blender.meshes import mesh_object
 from gasp_blender.studio import evaluated, new_name, new_scene, quiet, remove_scene, studio
 
@@ -37,7 +36,7 @@ def _moved(pose: Array, shift: Array, turn: Array) -> Array:
 
 
 class RigidWorld:
-    """A scene with a Bullet world. Lengths are scaled by the caller, times are seconds.
+    """A scene with a Bullet world. Lengths and times are scaled by the caller.
 
     Bullet has no property for a velocity: bodies are led along a straight line for one frame, turning, and let go at
     its end. That is the second frame, as the world is only made on the first. What changes a velocity on the way throws
@@ -62,11 +61,13 @@ class RigidWorld:
             world.collection = self._collection
             world.substeps_per_frame = 1
             world.solver_iterations = _ITERATIONS
+            # What is pushed apart does not get a velocity by it.
+            world.use_split_impulse = True
             world.point_cache.frame_start, world.point_cache.frame_end = 0, _LAST_FRAME
         self._bodies: list[Any] = []
         self._frame = 0
 
-    def add_wall(self, vertices: Array, friction: float) -> None:
+    def add_wall(self, vertices: Array, friction: float, layers: Array) -> None:
         """A body that stands, the hull of `vertices` (V, 3); Bullet multiplies frictions, those of bodies are 1."""
         with quiet():
             center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
@@ -74,12 +75,12 @@ class RigidWorld:
             wall.location = center.tolist()
             self._collection.objects.link(wall)
             self._set(wall.rigid_body, "PASSIVE", friction)
-            wall.rigid_body.collision_collections = [True] * LAYERS
+            wall.rigid_body.collision_collections = layers.tolist()
 
     def add_body(self, hull: Array, center: Array, mass: float, layers: Array) -> None:
         """A body whose centre of mass is at `center` (3,), with a hull (H, 3) about it.
 
-        Bodies that have one of their `layers` (LAYERS,) in common touch each other.
+        Things that have one of their `layers` (LAYERS,) in common touch each other.
         """
         with quiet():
             body = mesh_object(self._scene, hull)
@@ -97,7 +98,7 @@ class RigidWorld:
     def throw(self, poses: Array, velocities: Array, spins: Array, held: Array, lead: float) -> Array:
         """Start all bodies anew at `poses` (B, 4, 4), with velocities and angular velocities (B, 3); their poses then.
 
-        They are led for `lead` [s]; those that are `held` (B,) are led until they are thrown again.
+        They are led for a time `lead`; those that are `held` (B,) are led until they are thrown again.
         """
         with quiet():
             for body, pose, velocity, spin, stays in zip(self._bodies, poses, velocities, spins, held):
@@ -118,7 +119,7 @@ class RigidWorld:
             self._led(self._bodies[number], self._frame + 1, pose)
 
     def step(self, duration: float) -> Array:
-        """Poses (B, 4, 4) after one frame of `duration` [s], which Bullet takes in one step."""
+        """Poses (B, 4, 4) after one frame of `duration`, which Bullet takes in one step."""
         with quiet():
             self._scene.render.fps_base = duration * _RATE
             self._frame += 1

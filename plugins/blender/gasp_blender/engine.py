@@ -59,7 +59,7 @@ class Blender:
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
         spacing = accuracy.spacing_for(problem.points)
         rows = rigid_rows(problem)
-        told = [*starts_inside(problem, spacing, rows)]
+        told = [*starts_inside(problem, spacing)]
         build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
         matter = build(problem, spacing, chosen.voxels)
         told += notices(problem, matter, spacing, chosen.voxels)
@@ -73,7 +73,7 @@ class Blender:
                 parts.append((matter.rows, elastic))
                 told += elastic.told
             if len(rows):
-                bodies = RigidBodies(problem, rows, struck)
+                bodies = RigidBodies(problem, rows, struck, longest)
                 parts.append((rows, bodies))
                 told += bodies.told
             struck.look_at(parts)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_blender.apart import collision_layers, overlapping
+from gasp_blender.apart import collision_layers, depths_between, overlapping
 from gasp_blender.bullet import RigidWorld
 from gasp_blender.grip import at_start, pose, rigid_motion
 from gasp_blender.struck import Struck
@@ -16,6 +16,7 @@ from gasp_blender.walls import wall_of
 from gasp_core.engine.contract import PointProblem
 from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Wind
 from gasp_core.engine.materials import Rigid
+from gasp_core.engine.shapes import HalfSpace
 from gasp_core.errors import SceneError
 
 __all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]
@@ -26,6 +27,8 @@ LONGEST_STEP = 1 / 240
 """Of Bullet [s]: contact is found at the end of a step, as deep as the body flew within one."""
 _DIRECTIONS = 2000
 """In which the farthest point of a body is looked for: they span its hull."""
+_INTO_WALLS = 1e-3
+"""Of its size, how deep a body may start in a wall that it touches as the others do."""
 _TURN = 0.5
 """By which a body is led at most, in radians and in its own sizes: the larger, the less float32 rounds a velocity."""
 
@@ -45,6 +48,8 @@ class RigidBodies:
         What is simulated, and the rows of their points.
     struck
         What impulses strike.
+    longest_step
+        Of all steps [s].
 
     Raises
     ------
@@ -52,7 +57,7 @@ class RigidBodies:
         Where the scene asks of them what Bullet does not do.
     """
 
-    def __init__(self, problem: PointProblem, rows: Array, struck: Struck) -> None:
+    def __init__(self, problem: PointProblem, rows: Array, struck: Struck, longest_step: float) -> None:
         _refuse(problem)
         self._problem = problem
         self._struck = struck
@@ -66,10 +71,9 @@ class RigidBodies:
         self._origin = (self._rest.min(axis=0) + self._rest.max(axis=0)) / 2
         self._length = max(float(np.ptp(self._rest[own], axis=0).max() + sides[own].max()) for own in self._groups)
         self._centers = np.array([np.average(self._rest[own], axis=0, weights=masses[own]) for own in self._groups])
-        self._world = RigidWorld(np.asarray(problem.gravity) / self._length)
-        for collider in problem.colliders:
-            for vertices in wall_of(collider, self._length):
-                self._world.add_wall((vertices - self._origin) / self._length, collider.friction)
+        # A frame may not be shorter than half a microsecond.
+        self._unit = min(1.0, longest_step / LONGEST_STEP)
+        self._world = RigidWorld(np.asarray(problem.gravity) * self._unit**2 / self._length)
         count = len(self._groups)
         self._speeds, self._spins = np.zeros((count, 3)), np.zeros((count, 3))
         hulls: list[Array] = []
@@ -80,7 +84,12 @@ class RigidBodies:
         places = [hull + center for hull, center in zip(hulls, self._centers)]
         inside = overlapping(places, _directions())
         self.told = _told(inside, [int(bodies[own[0]]) for own in self._groups])
-        layers = collision_layers(~inside)
+        walls, touching = self._walls(problem, places)
+        layers = collision_layers(
+            np.block([[~inside, touching], [touching.T, np.ones((len(walls), len(walls)), bool)]])
+        )
+        for (vertices, friction), own_layers in zip(walls, layers[count:]):
+            self._world.add_wall((vertices - self._origin) / self._length, friction, own_layers)
         for number, (own, center) in enumerate(zip(self._groups, self._centers)):
             self._world.add_body(
                 hulls[number] / self._length,
@@ -109,7 +118,7 @@ class RigidBodies:
             goal = np.eye(4)
             goal[:3, :3], goal[:3, 3] = turn, (center - self._origin) / self._length
             self._world.lead(number, goal)
-        before, after = self._poses, self._world.step(step)
+        before, after = self._poses, self._world.step(step / self._unit)
         if not np.isfinite(after).all():
             return False
         # Bullet moves a body by the velocity it has at the end of a step, so the difference is that velocity.
@@ -126,12 +135,34 @@ class RigidBodies:
         self._steps.append((now, end, step))
         return True
 
+    def _walls(self, problem: PointProblem, hulls: list[Array]) -> tuple[list[tuple[Array, float]], Array]:
+        """Vertices (V, 3) [m] and friction of each wall, and which bodies touch it, (B, W) bool."""
+        normals = [collider.shape.normal for collider in problem.colliders if isinstance(collider.shape, HalfSpace)]
+        planes = np.array(normals, dtype=float).reshape(-1, 3)
+        directions = np.concatenate([_directions(), -np.eye(3), planes, -planes])
+        walls: list[tuple[Array, float]] = []
+        touching: list[Array] = []
+        for collider in problem.colliders:
+            for vertices in wall_of(collider, self._length):
+                depths, ways = depths_between(hulls, [vertices], directions)
+                sizes = np.array([np.ptp(hull, axis=0).max() for hull in hulls])
+                deep = depths[:, 0] > _INTO_WALLS * sizes
+                if not deep.all():
+                    walls.append((vertices, collider.friction))
+                    touching.append(~deep)
+                for body in np.flatnonzero(deep):
+                    # The direction leads from the body into the wall.
+                    back = directions[ways[body, 0]] * depths[body, 0]
+                    walls.append((vertices + back, collider.friction))
+                    touching.append(np.arange(len(hulls)) == body)
+        return walls, np.array(touching, dtype=bool).reshape(-1, len(hulls)).T
+
     def _throw(self) -> None:
         """Have Bullet start from the poses and velocities that bodies have now."""
-        speeds = self._speeds / self._length
-        fastest = max(float(np.linalg.norm(vectors, axis=1).max()) for vectors in (speeds, self._spins))
+        speeds, spins = self._speeds * self._unit / self._length, self._spins * self._unit
+        fastest = max(float(np.linalg.norm(vectors, axis=1).max()) for vectors in (speeds, spins))
         lead = min(_TURN / fastest, 1.0) if fastest > 0 else 1.0
-        self._poses = self._world.throw(self._poses, speeds, self._spins, self._held, lead)
+        self._poses = self._world.throw(self._poses, speeds, spins, self._held, lead)
 
     def _push(self, now: float, step: float) -> bool:
         """Impulses that start now, and what wind does within a step; whether there was any."""

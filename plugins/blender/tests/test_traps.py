@@ -189,12 +189,16 @@ def test_rigid_bodies_rest_on_the_floor_without_a_gap(kit):
     assert lowest == pytest.approx(0.025, abs=1e-3)
 
 
-def test_a_rigid_body_that_starts_in_the_floor_is_refused(kit):
+def test_a_rigid_body_that_starts_in_the_floor_is_told_and_not_thrown_out(kit):
     """Bullet throws it out."""
     points = kit.block((2, 2, 2), 0.1, corner=(0, 0, -0.3))
     problem = kit.problem(points, 0.1, material=Rigid(density=700.0), colliders=(Collider(shape=FLOOR),))
-    with pytest.raises(SceneError, match=r"start up to 0\.275 m inside collider 1.*rigid"):
-        kit.open(problem)
+    with kit.open(problem) as session:
+        report = session.advance_to(0.5)
+        moved = session.read(EVERYTHING).positions - points
+    assert [warning for warning in report.warnings if "start up to 0.275 m inside collider 1" in warning]
+    # Bullet lets a hull sink by a thousandth of its size.
+    assert np.abs(moved).max() < 1e-3
 
 
 def test_what_starts_in_the_floor_is_told_and_neither_thrown_out_nor_crushed(kit):
