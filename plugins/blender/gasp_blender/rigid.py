@@ -14,9 +14,9 @@ from gasp_blender.grip import at_start, pose, rigid_motion
 from gasp_blender.struck import Struck
 from gasp_blender.walls import wall_of
 from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Wind
+from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Side, Wind
 from gasp_core.engine.materials import Rigid
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.engine.shapes import HalfSpace, SphereShape
 from gasp_core.errors import SceneError
 
 __all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]
@@ -102,6 +102,9 @@ class RigidBodies:
         self._held = np.zeros(count, dtype=bool)
         # By drive and body: where its centre was and how it was turned when the drive took hold of it.
         self._grips: dict[tuple[int, int], tuple[Array, Array]] = {}
+        # By body: where its centre was and how it was turned when it touched what is sticky.
+        self._stuck: dict[int, tuple[Array, Array]] = {}
+        self._hulls = hulls
         self._throw()
         self._start = self._poses
         self._steps: list[tuple[float, float, float]] = []
@@ -143,6 +146,10 @@ class RigidBodies:
         walls: list[tuple[Array, float]] = []
         touching: list[Array] = []
         for collider in problem.colliders:
+            hollow = isinstance(collider.shape, SphereShape) and collider.side is Side.INSIDE
+            if hollow and collider.contact is ContactCondition.STICK:
+                # Bullet has no inside of a ball; what is in this one has only to be seen to touch it.
+                continue
             for vertices in wall_of(collider, self._length):
                 depths, ways = depths_between(hulls, [vertices], directions)
                 sizes = np.array([np.ptp(hull, axis=0).max() for hull in hulls])
@@ -188,12 +195,27 @@ class RigidBodies:
             self._speeds[number], self._spins[number] = _rigid_velocity(arms, self._masses[own], velocities[own])
         return True
 
+    def _stick(self) -> None:
+        """Bodies that touch a sticky collider stay as they are then."""
+        for collider in self._problem.colliders:
+            if collider.contact is not ContactCondition.STICK:
+                continue
+            sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
+            for number, hull in enumerate(self._hulls):
+                center = self._poses[number, :3, 3] * self._length + self._origin
+                turn = self._poses[number, :3, :3]
+                distance = sign * collider.shape.signed_distance(center + hull @ turn.T).min()
+                if number not in self._stuck and distance <= _INTO_WALLS * np.ptp(hull, axis=0).max():
+                    self._stuck[number] = center, turn
+
     def _goals(self, now: float, end: float) -> dict[int, tuple[Array, Array, Array, Array]]:
         """By body that is held: centre [m], turn (3, 3), velocity and angular velocity at the end of a step.
 
-        A body is held as a whole with any point of it, and by the last drive of several.
+        A body is held as a whole with any point of it, by the last drive of several; and by what it has stuck to.
         """
-        found: dict[int, tuple[Array, Array, Array, Array]] = {}
+        self._stick()
+        still = np.zeros(3)
+        found = {number: (center, turn, still, still) for number, (center, turn) in self._stuck.items()}
         places: Array | None = None
         for index, drive in enumerate(self._problem.drives):
             if not isinstance(drive, (Pinned, Driven)):
@@ -261,10 +283,9 @@ class RigidBodies:
 
 def _refuse(problem: PointProblem) -> None:
     for number, collider in enumerate(problem.colliders, start=1):
-        if collider.contact is not ContactCondition.SEPARATE:
+        if collider.contact is ContactCondition.SLIP:
             raise SceneError(
-                f'blender\'s rigid bodies know no contact "{collider.contact.value}" (collider {number}): use'
-                ' "separate"'
+                f'blender\'s rigid bodies know no contact "slip" (collider {number}): use "separate" without friction'
             )
 
 

@@ -381,7 +381,7 @@ def test_what_bullet_does_not_do_is_refused(kit):
     rigid, points = Rigid(density=700.0), kit.block((1, 1, 1), 0.1, corner=(0, 0, 0.5))
     ball = SphereShape(center=(0, 0, 0), radius=9.0)
     for scene, reason in (
-        ({"colliders": (Collider(shape=FLOOR, contact=ContactCondition.STICK),)}, 'no contact "stick"'),
+        ({"colliders": (Collider(shape=FLOOR, contact=ContactCondition.SLIP),)}, 'no contact "slip"'),
         ({"colliders": (Collider(shape=ball, side=Side.INSIDE),)}, "within a ball"),
     ):
         with pytest.raises(SceneError, match=reason):
@@ -564,6 +564,17 @@ def test_rigid_bodies_are_held_and_led_and_let_go(kit):
     np.testing.assert_allclose(
         free[1].positions.mean(axis=0), led[1].positions.mean(axis=0) + 0.1 * speed + fallen, atol=1e-4
     )
+
+
+def test_rigid_bodies_stick_where_they_touch_what_is_sticky(kit):
+    sticky = Collider(shape=HalfSpace(point=(0, 0, 0.3), normal=(0, 0, 1)), contact=ContactCondition.STICK)
+    (points, falling), (_, stuck), (_, later) = rigid_run(kit, (0.15, 0.4, 0.5), colliders=(sticky,))
+    # It is 0.2 m above, which it has fallen after 0.2 s; found to touch at the end of a step, after v dt at most.
+    assert 0.1 < (points - falling.positions)[:, 2].mean() < 0.15
+    lowest = stuck.positions[:, 2].min() - 0.025
+    assert 0.3 - np.sqrt(2 * G * 0.2) / 240 - 1e-3 < lowest < 0.3 + 1e-3
+    np.testing.assert_allclose(later.positions, stuck.positions, atol=1e-6)
+    np.testing.assert_array_equal(later.velocities, 0.0)
 
 
 def test_an_impulse_is_shared_by_soft_and_rigid_bodies(kit):
