@@ -38,20 +38,26 @@ if TYPE_CHECKING:
     from gasp_core.recording import Recording
     from gasp_core.rendering.filming import render
     from gasp_core.scene import (
+        Bend,
         CameraChoice,
         EngineChoice,
         Floaters,
+        FrameSequence,
         MapChoice,
+        PythonMotion,
         RecordingChoice,
         Reduction,
         Scene,
         SplatObject,
+        Swing,
+        Wave,
         load_scene,
         scene_to_toml,
     )
     from gasp_core.simulation import simulate
 
 __all__ = [
+    "Bend",
     "BoxShape",
     "CameraChoice",
     "Collider",
@@ -65,6 +71,7 @@ __all__ = [
     "Floaters",
     "Fluid",
     "Foam",
+    "FrameSequence",
     "GaspError",
     "Gaussians",
     "HalfSpace",
@@ -75,6 +82,7 @@ __all__ = [
     "Pinned",
     "Plasticine",
     "Precision",
+    "PythonMotion",
     "Recording",
     "RecordingChoice",
     "Reduction",
@@ -85,6 +93,8 @@ __all__ = [
     "Snow",
     "SphereShape",
     "SplatObject",
+    "Swing",
+    "Wave",
     "Wind",
     "load_scene",
     "read_splat",
@@ -105,8 +115,8 @@ _HOMES = {
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
-        "CameraChoice EngineChoice Floaters MapChoice RecordingChoice Reduction Scene SplatObject load_scene"
-        " scene_to_toml"
+        "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice PythonMotion RecordingChoice Reduction Scene"
+        " SplatObject Swing Wave load_scene scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
 }

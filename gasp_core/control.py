@@ -22,8 +22,24 @@ __all__ = ["control", "limit_edges", "limit_stretches"]
 Array = NDArray[Any]
 
 
-def control(simplices: Array, reference: Gaussians, alpha: float, covariance: Covariance) -> tuple[Array, Array]:
+def control(
+    simplices: Array, reference: Gaussians, alpha: float, covariance: Covariance, before: Array | None = None
+) -> tuple[Array, Array]:
     """The rule that belongs to an inverse: `limit_stretches` for "exact", `limit_edges` for "gram_schmidt".
+
+    Parameters
+    ----------
+    simplices : (N, 3 | 4, 3)
+        Moved simplices, not magnified.
+    reference
+        The Gaussians at rest.
+    alpha
+        The bound.
+    covariance
+        The inverse.
+    before : (N, 3 | 4, 3)
+        The simplices that the engine moved, where they are not those at rest: the rule bounds what physics did to
+        them, and lets pass what they did by themselves.
 
     Returns
     -------
@@ -40,10 +56,12 @@ def control(simplices: Array, reference: Gaussians, alpha: float, covariance: Co
     if math.isinf(alpha):
         return simplices, np.zeros(len(simplices), dtype=bool)
     rule = limit_stretches if covariance == "exact" else limit_edges
-    return rule(simplices, reference, alpha)
+    return rule(simplices, reference, alpha, before)
 
 
-def limit_edges(simplices: Array, reference: Gaussians, alpha: float) -> tuple[Array, Array]:
+def limit_edges(
+    simplices: Array, reference: Gaussians, alpha: float, before: Array | None = None
+) -> tuple[Array, Array]:
     """The paper's rule, for `gram_schmidt`: s_i = min(s_i, alpha s_i(0)).
 
     As printed (s_i := alpha s_i(0) where |e_i| > alpha |e_i(0)|) the rule *inflates* a sheared triangle, whose s_3 is
@@ -58,13 +76,15 @@ def limit_edges(simplices: Array, reference: Gaussians, alpha: float) -> tuple[A
         The Gaussians at rest.
     alpha
         Bound on s_i / s_i(0).
+    before : (N, 3 | 4, 3)
+        What is bounded is s_i against its edges instead.
 
     Returns
     -------
     simplices : (N, V, 3)
     clipped : (N,) bool
     """
-    rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3)
+    rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3) if before is None else before
     bound = alpha * np.linalg.norm(rest[:, 1:] - rest[:, :1], axis=2)
     edges = simplices[:, 1:] - simplices[:, :1]
     first, second = edges[:, -2], edges[:, -1]
@@ -94,19 +114,24 @@ def limit_edges(simplices: Array, reference: Gaussians, alpha: float) -> tuple[A
     return limited, clipped
 
 
-def limit_stretches(simplices: Array, reference: Gaussians, alpha: float) -> tuple[Array, Array]:
+def limit_stretches(
+    simplices: Array, reference: Gaussians, alpha: float, before: Array | None = None
+) -> tuple[Array, Array]:
     """The rule for `exact`: no principal stretch of the simplex's deformation gradient F = U S V^T above alpha.
 
     Edges and covariance become those of U min(S, alpha) V^T: what was sheared stays sheared, and what was shrunk stays
-    shrunk. Parameters and results as in `limit_edges`.
+    shrunk. Parameters and results as in `limit_edges`; with `before` F leads from there to here.
     """
     vertices = 4 if simplices.shape[1] == 4 else 3
-    gradients = np.ascontiguousarray(deformation_gradients(simplices, reference))
+    gradients = deformation_gradients(simplices, reference)
+    if before is not None:
+        gradients = gradients @ np.linalg.pinv(deformation_gradients(before, reference))
+    gradients = np.ascontiguousarray(gradients)
     bounded, clipped = np.empty_like(gradients), np.empty(len(gradients), dtype=np.bool_)
     jacobi.bounded_stretches(gradients, alpha, bounded, clipped, jacobi.chunk_count(len(gradients)))
     limited = np.array(simplices, dtype=np.float64)
     rows = np.flatnonzero(clipped)
-    rest = to_simplices(reference.select(rows), vertices)
+    rest = to_simplices(reference.select(rows), vertices) if before is None else before[rows]
     edges = rest[:, 1:] - rest[:, :1]
     limited[rows, 1:] = limited[rows, :1] + np.einsum("nij,nkj->nki", bounded[rows], edges)
     return limited, clipped

@@ -33,9 +33,11 @@ __all__ = [
     "choose_vertices",
     "deformation_gradients",
     "demagnify",
+    "edge_axes",
     "flatten",
     "from_simplices",
     "invert_simplices",
+    "lengthened",
     "magnify",
     "matter_rotations",
     "polar_rotations",
@@ -90,7 +92,7 @@ def _flat_order(scales: Array) -> Array:
     return np.stack([thin, np.where(swap, third, second), np.where(swap, second, third)], axis=1)
 
 
-def _edge_axes(scales: Array, vertices: int) -> Array:
+def edge_axes(scales: Array, vertices: int) -> Array:
     """Which axis of its Gaussian each edge of a simplex follows, (N, vertices - 1)."""
     if vertices == 4:
         return np.broadcast_to(np.arange(3), scales.shape)
@@ -100,7 +102,7 @@ def _edge_axes(scales: Array, vertices: int) -> Array:
 def _rest_edges(gaussians: Gaussians, vertices: int) -> tuple[Array, Array]:
     """Unit directions (N, vertices - 1, 3) and lengths (N, vertices - 1) of the edges of T(G)."""
     scales = gaussians.scales.astype(np.float64)
-    axes = _edge_axes(scales, vertices)
+    axes = edge_axes(scales, vertices)
     directions = rotation_matrices(gaussians.quaternions).transpose(0, 2, 1)
     directions = np.take_along_axis(directions, axes[:, :, None], axis=1)
     return directions, np.take_along_axis(scales, axes, axis=1)
@@ -188,9 +190,16 @@ def magnify(simplices: Array, floor: float) -> tuple[Array, Array]:
     lengths = np.linalg.norm(edges, axis=2)
     short = (lengths < floor) & (lengths > 0)
     factors = np.where(short, floor / np.where(short, lengths, 1.0), 1.0)
-    magnified = np.array(simplices, dtype=np.float64)
-    magnified[:, 1:] = np.where(short[:, :, None], magnified[:, :1] + edges * factors[:, :, None], magnified[:, 1:])
-    return magnified, factors
+    return lengthened(simplices, factors), factors
+
+
+def lengthened(simplices: Array, factors: Array) -> Array:
+    """Simplices (N, V, 3) with their edges times factors (N, V - 1), v_i = m + k_i (v_i - m)."""
+    result = np.array(simplices, dtype=np.float64)
+    edges = (result[:, 1:] - result[:, :1]) * factors[:, :, None]
+    # Edges that stay as they are keep their end points to the last bit.
+    result[:, 1:] = np.where(factors[:, :, None] == 1.0, result[:, 1:], result[:, :1] + edges)
+    return result
 
 
 def demagnify(simplices: Array, factors: Array) -> Array:

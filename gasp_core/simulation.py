@@ -22,6 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.dynamics.callables import function_digest
+from gasp_core.dynamics.composition import Played, play
+from gasp_core.dynamics.sequence import frame_files
 from gasp_core.engine.capabilities import check_supported
 from gasp_core.engine.contract import (
     EngineAccuracy,
@@ -47,6 +50,7 @@ from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEn
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body, assemble, moved_gaussians
 from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
+from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest, scene_to_toml
@@ -107,14 +111,19 @@ def prepare(scene: Scene) -> Prepared:
     """
     objects: list[PlacedObject] = []
     digests: list[str] = []
+    motions: dict[str, Played] = {}
     for item in scene.objects:
         gaussians, digest = _source(item)
-        objects.append(place_object(item, gaussians))
+        if item.motion is None:
+            objects.append(place_object(item, gaussians))
+        else:
+            placed, motions[item.name] = play(item, gaussians, scene.maps)
+            objects.append(placed)
         digests.append(digest)
     degrees = {placed.gaussians.sh_degree for placed in objects}
     if len(degrees) > 1:
         objects = [_raised(placed, max(degrees)) for placed in objects]
-    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects))
+    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects, motions))
 
 
 def simulate(
@@ -306,12 +315,14 @@ class _Run:
             raise self._diverged(frame, dataclasses.replace(report, status=verdict.status), verdict.reason)
         warnings = [*report.warnings, *self._outran(before, state)]
         means, relative = self._writer.split(state.positions)
-        degenerate, clipped = self._shapes(frame, relative)
+        drifts = self._drifts(frame)
+        degenerate, clipped = self._shapes(frame, relative, drifts)
         self._writer.write_frame(
             frame,
             self._scene.time_of(frame),
             relative=relative,
             means=means,
+            drifts=drifts,
             velocities=state.velocities if self._writer.keeps_velocities else None,
             degenerate=degenerate,
             diagnostics={
@@ -343,12 +354,14 @@ class _Run:
         """Frame 0: displacement zero, without asking the engine, so that it is the file's own."""
         points = self._assembly.problem.points
         relative = np.zeros((len(points), 3), dtype=np.float32)
-        degenerate, clipped = self._shapes(0, relative)
+        drifts = self._drifts(0)
+        degenerate, clipped = self._shapes(0, relative, drifts)
         self._writer.write_frame(
             0,
             0.0,
             relative=relative,
             means=np.zeros((len(self._assembly.bodies), 3)),
+            drifts=drifts,
             velocities=points.initial_velocities if self._writer.keeps_velocities else None,
             degenerate=degenerate,
             diagnostics={
@@ -365,13 +378,18 @@ class _Run:
             },
         )
 
-    def _shapes(self, frame: int, relative: Array) -> tuple[list[Array], int]:
+    def _drifts(self, frame: int) -> list[Array | None]:
+        """How far each body has moved by itself; None for those that do not."""
+        time = self._scene.time_of(frame)
+        return [None if body.drift is None else body.drift.at(time) for body in self._assembly.bodies]
+
+    def _shapes(self, frame: int, relative: Array, drifts: Sequence[Array | None]) -> tuple[list[Array], int]:
         """For each body, simplices without a frame and the last in which they had one; the number of clipped ones."""
         maps: MapChoice = self._scene.maps
         degenerate: list[Array] = []
         clipped = 0
-        for body, valid in zip(self._assembly.bodies, self._last_valid):
-            moved = moved_gaussians(body, relative[body.points], maps)
+        for body, valid, drift in zip(self._assembly.bodies, self._last_valid, drifts):
+            moved = moved_gaussians(body, relative[body.points], maps, drift=drift)
             lost = np.flatnonzero(moved.degenerate)
             valid[~moved.degenerate] = frame
             degenerate.append(np.stack([lost, valid[lost]], axis=1))
@@ -478,10 +496,15 @@ def _version(distribution: str) -> str:
 
 def _source(item: SplatObject) -> tuple[Gaussians, str]:
     """The Gaussians of an object and the digest of where they come from."""
-    if isinstance(item.splat, Gaussians):
-        return item.splat, gaussians_digest(item.splat)
-    gaussians = read_splat(item.splat)
     digest = hashlib.sha256()
+    if isinstance(item.motion, PythonMotion):
+        digest.update(function_digest(item.motion.function).encode())
+    if isinstance(item.splat, Gaussians):
+        own = gaussians_digest(item.splat)
+        digest.update(own.encode())
+        return item.splat, digest.hexdigest() if isinstance(item.motion, PythonMotion) else own
+    sequence = isinstance(item.motion, FrameSequence)
+    gaussians = read_splat(frame_files(item.splat)[0] if sequence else item.splat)
     files = sorted(item.splat.rglob("*")) if item.splat.is_dir() else [item.splat]
     for file in files:
         if file.is_file():
@@ -561,6 +584,7 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
                 first=body.points.start,
                 last=body.points.stop,
                 carrier=body.carrier.kind,
+                drifts=body.drift is not None,
             )
             for body in assembly.bodies
         ),
@@ -580,7 +604,8 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
 def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
     """SHA-256 of what decides the frames of a scene: not how many there are, nor where its files lie."""
     objects = tuple(
-        dataclasses.replace(item, splat=Path(digest), up=up_axis(item)) for item, digest in zip(scene.objects, digests)
+        dataclasses.replace(item, splat=Path(digest), up=up_axis(item), motion=_anywhere(item.motion))
+        for item, digest in zip(scene.objects, digests)
     )
     deciding = dataclasses.replace(
         scene,
@@ -592,6 +617,11 @@ def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
         accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
     )
     return hashlib.sha256(scene_to_toml(deciding, absolute=False).encode()).hexdigest()
+
+
+def _anywhere(motion: Motion | None) -> Motion | None:
+    """A motion wherever its function lies; what is in it, the digest of the object's source knows."""
+    return dataclasses.replace(motion, function="any:function") if isinstance(motion, PythonMotion) else motion
 
 
 def _opened(
@@ -618,6 +648,7 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
         moving=np.concatenate([placed.moving for placed in prepared.objects]),
         points=prepared.assembly.problem.points.reference_positions,
         carriers=[body.carrier.arrays() for body in prepared.assembly.bodies],
+        drifting=sum(body.block.rest.size // 3 for body in prepared.assembly.bodies if body.drift is not None),
         frames_wanted=scene.frame_count,
         velocities=scene.recording.velocities,
         overwrite=overwrite,

@@ -11,6 +11,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``bodies/<i>/...`` | how the body's points carry its Gaussians, arrays of a `gasp_core.reduction.carrier.Carrier` |
 | ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
+| ``frames/drifts`` | (T, D, 3) float32, how far vertices have moved by themselves, body by body of those that do [m] |
 | ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
 | ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``; at most two |
 | ``status`` | attributes: state, reason, frames wanted |
@@ -45,8 +46,8 @@ __all__ = [
 ]
 
 FORMAT = "gasp-recording"
-VERSION = 2
-"""1: a body has no `carrier`, it is "all"."""
+VERSION = 3
+"""1: a body has no `carrier`, it is "all". 2: nor `drifts`, it never does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,13 +81,17 @@ class ObjectEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyEntry:
-    """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points, carrier."""
+    """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points, carrier.
+
+    `drifts`: whether it moves by itself as well, see `gasp_core.dynamics`.
+    """
 
     item: int
     vertices: int
     first: int
     last: int
     carrier: str = "all"
+    drifts: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -184,15 +184,14 @@ class Recording:
         return tuple(found)
 
     def _carrier(self, index: int, kind: str) -> Carrier:
-        if kind == Vertices.kind:
-            return Vertices(factors=self._array(f"bodies/{index}/magnification"))
-        if kind != Levels.kind:
+        kinds: dict[str, type[Vertices | Levels]] = {Vertices.kind: Vertices, Levels.kind: Levels}
+        if kind not in kinds:
             raise RecordingError(f'{self.path}: carries body {index} by "{kind}", this GASP knows no such: update GASP')
         try:
             names = [
                 name for name, node in self._store[f"bodies/{index}"].members(max_depth=None) if hasattr(node, "dtype")
             ]
-            return Levels.of({name: self._array(f"bodies/{index}/{name}") for name in names})
+            return kinds[kind].of({name: self._array(f"bodies/{index}/{name}") for name in names})
         except (KeyError, TypeError) as error:
             raise RecordingError(f"{self.path}: bodies/{index} is damaged ({_short(error)})") from None
 
@@ -248,9 +247,10 @@ class Recording:
     def simplices(self, frame: int) -> dict[str, Array]:
         """Simplices of the moving Gaussians by object, (N, V, 3) float64 [m], edges not magnified."""
         relative, means = self.displacements(frame)
+        drifts = self._drifts(self.commit(frame))
         return {
-            body.name: moved_simplices(body, relative[body.points]) + (body.block.centre + mean)
-            for body, mean in zip(self.bodies, means)
+            body.name: moved_simplices(body, relative[body.points], drift) + (body.block.centre + mean)
+            for body, mean, drift in zip(self.bodies, means, drifts)
         }
 
     def gaussians(self, frame: int) -> Gaussians:
@@ -275,9 +275,10 @@ class Recording:
         quaternions = reference.quaternions.astype(np.float64)
         scales = reference.scales.astype(np.float64)
         turns = np.tile(np.eye(3), (len(reference), 1, 1)) if reference.sh_degree > 0 else None
-        for index, (body, shift) in enumerate(zip(self.bodies, commit.body_displacements)):
+        drifts = self._drifts(commit)
+        for index, (body, shift, drift) in enumerate(zip(self.bodies, commit.body_displacements, drifts)):
             previous = self._previous(index, commit)
-            moved = moved_gaussians(body, relative[body.points], maps, previous=previous)
+            moved = moved_gaussians(body, relative[body.points], maps, previous=previous, drift=drift)
             means[body.rows] = moved.gaussians.means + (body.block.centre + np.asarray(shift))
             quaternions[body.rows] = moved.gaussians.quaternions
             scales[body.rows] = moved.gaussians.scales
@@ -296,11 +297,28 @@ class Recording:
         for last in np.unique(lost[:, 1]):
             rows = lost[lost[:, 1] == last, 0]
             relative, _ = self.displacements(int(last))
-            moved = moved_simplices(body, relative[body.points])[rows]
-            valid = shapes(moved, local.select(rows), self.scene.maps).gaussians
+            drift = self._drifts(self.commit(int(last)))[index]
+            moved = moved_simplices(body, relative[body.points], drift)[rows]
+            before = None if drift is None else (body.block.rest + drift)[rows]
+            valid = shapes(moved, local.select(rows), self.scene.maps, before=before).gaussians
             quaternions[rows] = valid.quaternions
             scales[rows] = valid.scales
         return local.with_(quaternions=quaternions, scales=scales)
+
+    def _drifts(self, commit: Commit) -> list[Array | None]:
+        """For each body (N, V, 3) [m], how far its simplices have moved by themselves; None for those that do not."""
+        shapes_of = [
+            body.block.rest.shape if entry.drifts else None for body, entry in zip(self.bodies, self.header.bodies)
+        ]
+        if not any(shapes_of):
+            return [None for _ in shapes_of]
+        rest = self._frame_array("drifts", commit)
+        drifts: list[Array | None] = []
+        for shape in shapes_of:
+            count = 0 if shape is None else shape[0] * shape[1]
+            drifts.append(None if shape is None else rest[:count].reshape(shape))
+            rest = rest[count:]
+        return drifts
 
     @cached_property
     def _store(self) -> Any:

@@ -66,8 +66,11 @@ class RecordingWriter:
         frames_wanted: int,
         velocities: bool,
         overwrite: bool,
+        drifting: int = 0,
     ) -> RecordingWriter:
         """Begin a recording; it appears under its name with all but the frames in it.
+
+        `drifting` is the number of vertices that move by themselves.
 
         Raises
         ------
@@ -79,7 +82,10 @@ class RecordingWriter:
             path.parent.mkdir(parents=True, exist_ok=True)
             remove_leftovers(path)
             with folder_in_the_making(path) as folder:
-                _write_store(folder, header, reference, moving, points, carriers, frames_wanted, velocities)
+                rows = {"displacements": len(points)}
+                rows |= {"velocities": len(points)} if velocities else {}
+                rows |= {"drifts": drifting} if drifting else {}
+                _write_store(folder, header, reference, moving, points, carriers, frames_wanted, rows)
                 if replaced:
                     _discard(path)
         except OSError as error:
@@ -137,6 +143,7 @@ class RecordingWriter:
         velocities: Array | None,
         degenerate: Sequence[Array],
         diagnostics: Mapping[str, Any],
+        drifts: Sequence[Array | None] = (),
     ) -> None:
         """Write a frame; it is on disk and visible when this returns, and neither before.
 
@@ -154,6 +161,8 @@ class RecordingWriter:
             For each body (K, 2): rows without a frame of their own, and the last frame in which they had one.
         diagnostics
             JSON values.
+        drifts
+            For each body (N, V, 3) [m], how far its simplices have moved by themselves; None for those that do not.
 
         Raises
         ------
@@ -162,8 +171,11 @@ class RecordingWriter:
         """
         try:
             chunks: dict[str, int] = {}
+            drifted = [drift.reshape(-1, 3) for drift in drifts if drift is not None]
+            given = {"displacements": relative, "velocities": velocities}
+            given["drifts"] = np.concatenate(drifted) if drifted else None
             for name, array in self._frames.items():
-                values = relative if name == "displacements" else velocities
+                values = given[name]
                 assert values is not None
                 array[frame] = values.astype(np.float32, copy=False)
                 chunks |= self._sync_chunk(name, frame)
@@ -297,7 +309,7 @@ def _write_store(
     points: Array,
     carriers: Sequence[Mapping[str, Array]],
     frames_wanted: int,
-    velocities: bool,
+    rows: Mapping[str, int],
 ) -> None:
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
@@ -319,11 +331,11 @@ def _write_store(
     for index, arrays in enumerate(carriers):
         for name, values in arrays.items():
             keep(f"bodies/{index}/{name}", values)
-    for name in ("displacements", *(["velocities"] if velocities else [])):
+    for name, count in rows.items():
         root.create_array(
             f"frames/{name}",
-            shape=(frames_wanted, *points.shape),
-            chunks=(1, *points.shape),
+            shape=(frames_wanted, count, 3),
+            chunks=(1, count, 3),
             dtype="float32",
             compressors=codecs,
             chunk_key_encoding=_FLAT,

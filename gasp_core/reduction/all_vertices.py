@@ -9,10 +9,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.games import choose_vertices, demagnify, magnify, to_simplices
+from gasp_core.games import choose_vertices, demagnify, lengthened, magnify, to_simplices
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.carrier import Sample
 from gasp_core.reduction.occupancy import cell_volumes
+from gasp_core.reduction.transfer import Cores, LeastSquares
 
 __all__ = ["Block", "Vertices", "block_of", "rigid_velocities", "sample_all"]
 
@@ -61,18 +62,34 @@ class Vertices:
     ----------
     factors : (N, V - 1)
         Magnification of the edges.
+    gradients
+        Gives the deformation gradient of each Gaussian, from the points of those around it: a triangle has only two
+        directions, few engines show what they know of it, and none of them what flowed. None: nobody will ask.
     """
 
     kind: ClassVar[str] = "all"
     factors: Array
+    gradients: LeastSquares | None = None
 
-    def carry(self, rest: Array, displacements: Array) -> Array:
+    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
         """See `Carrier`.
 
         The rest simplices are added after the displacements were divided by the magnification: at displacement zero
         they come out to the last bit.
         """
-        return rest + demagnify(np.asarray(displacements, dtype=np.float64).reshape(rest.shape), self.factors)
+        moves = np.asarray(displacements, dtype=np.float64).reshape(rest.shape)
+        moved = rest + demagnify(moves, self.factors)
+        if drift is None:
+            return moved
+        assert self.gradients is not None, "a body that drifts is sampled for it"
+        around = Cores(points=lengthened(rest, self.factors))
+        # The fit b(x) is affine for each Gaussian: x + b(x) at both ends of the drift differs by F drift.
+        ends = [self.gradients.carry(around, start, moves) for start in (rest, rest + drift)]
+        return moved + (ends[1] - ends[0])
+
+    def gather(self, rest: Array, velocities: Array) -> Array:
+        """See `Carrier`."""
+        return lengthened(velocities, self.factors).reshape(-1, 3)
 
     @property
     def leaders(self) -> Array:
@@ -88,15 +105,31 @@ class Vertices:
 
     def arrays(self) -> Mapping[str, Array]:
         """See `Carrier`."""
-        return {"magnification": self.factors}
+        fit = {} if self.gradients is None else self.gradients.arrays()
+        return {"magnification": self.factors, **{f"gradients/{name}": array for name, array in fit.items()}}
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, Array]) -> Vertices:
+        """From what `arrays` gave."""
+        fit = {name.removeprefix("gradients/"): array for name, array in arrays.items() if name != "magnification"}
+        return cls(factors=arrays["magnification"], gradients=LeastSquares(**fit) if fit else None)
 
 
-def sample_all(block: Block, floor: float, spacing: float) -> Sample:
-    """All vertices of a body, edges no shorter than `floor` [m], for an engine of this spacing [m]."""
+def sample_all(block: Block, floor: float, spacing: float, *, drifts: bool = False) -> Sample:
+    """All vertices of a body, edges no shorter than `floor` [m], for an engine of this spacing [m].
+
+    `drifts`: whether the body moves by itself too, so that its carrier needs deformation gradients.
+    """
     magnified, factors = magnify(block.rest, floor)
     points = magnified.reshape(-1, 3)
+    gradients = None
+    if drifts:
+        around = Cores(points=magnified)
+        gradients = LeastSquares.build(around, around.centres, np.arange(len(magnified)))
     return Sample(
-        positions=points, volumes=cell_volumes(points + block.centre, spacing), carrier=Vertices(factors=factors)
+        positions=points,
+        volumes=cell_volumes(points + block.centre, spacing),
+        carrier=Vertices(factors=factors, gradients=gradients),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.control import control
+from gasp_core.dynamics.composition import Drift, Played
 from gasp_core.engine.contract import PointCloud, PointProblem
 from gasp_core.engine.materials import Material
 from gasp_core.errors import SceneError
@@ -45,6 +46,9 @@ class Body:
         How the motion of its points becomes that of its simplices.
     notes
         Sentences for the user about the reduction, without their subject; none in a body read from a recording.
+    drift
+        How it moves by itself while it is simulated; None where it does not, and in a body read from a recording, which
+        knows of every frame how far it went.
     """
 
     name: str
@@ -53,6 +57,7 @@ class Body:
     block: Block
     carrier: Carrier
     notes: tuple[str, ...] = ()
+    drift: Drift | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,8 +101,15 @@ class MovedGaussians:
     simplices: Array
 
 
-def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
+def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str, Played] | None = None) -> Assembly:
     """Build the problem of a scene whose objects have been placed.
+
+    Parameters
+    ----------
+    scene, objects
+        The objects in the order of the scene.
+    motions
+        Of those that move by themselves, by name.
 
     Raises
     ------
@@ -108,25 +120,34 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
     if not moving:
         raise SceneError("every object is static: nothing is left to simulate, leave static out of one of them")
     starts = np.cumsum([0, *(len(placed.gaussians) for placed in objects)])
+    played = [(motions or {}).get(placed.item.name) for _, placed in moving]
     blocks = [
-        block_of(placed.gaussians.select(placed.moving), placed.item.vertices or scene.maps.vertices)
-        for _, placed in moving
+        block_of(
+            placed.gaussians.select(placed.moving),
+            motion.vertices if motion else placed.item.vertices or scene.maps.vertices,
+        )
+        for (_, placed), motion in zip(moving, played)
     ]
     spacing = _spacing(scene, [placed for _, placed in moving], blocks)
     bodies: list[Body] = []
     columns: dict[str, list[Array]] = {}
     materials: list[Material] = []
     start = 0
-    for body, ((index, placed), block) in enumerate(zip(moving, blocks)):
-        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing)
+    for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
+        drift = Drift.of(motion, placed.moving, block.rest) if motion else None
+        carried = drift is not None and drift.played.choice.composition == "carried"
+        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried)
         points, volumes = sample.positions + block.centre, sample.volumes
         material = placed.item.material
         assert material is not None  # SplatObject refuses what moves and is made of nothing
         if material not in materials:
             materials.append(material)
+        velocities = rigid_velocities(points, volumes, placed.item.velocity, placed.item.angular_velocity)
+        if drift is not None:
+            velocities = velocities + sample.carrier.gather(block.rest, drift.velocities())
         own = {
             "reference_positions": points,
-            "initial_velocities": rigid_velocities(points, volumes, placed.item.velocity, placed.item.angular_velocity),
+            "initial_velocities": velocities,
             "reference_volumes": volumes,
             "material_ids": np.full(len(points), materials.index(material)),
             "body_ids": np.full(len(points), body),
@@ -141,6 +162,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
                 block=block,
                 carrier=sample.carrier,
                 notes=sample.notes,
+                drift=drift if carried else None,
             )
         )
         start += len(points)
@@ -157,7 +179,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject]) -> Assembly:
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
 
 
-def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float) -> Sample:
+def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool) -> Sample:
     """The points of an object by the mode it asks for.
 
     Raises
@@ -167,7 +189,7 @@ def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float) ->
     """
     reduction = placed.item.reduction
     if reduction.mode == "all":
-        return sample_all(block, floor, spacing)
+        return sample_all(block, floor, spacing, drifts=drifts)
     if reduction.count is not None and reduction.count > len(block.local):
         raise SceneError(
             f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'
@@ -198,16 +220,21 @@ def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Blo
     return scene.accuracy.spacing_for(cloud)
 
 
-def moved_simplices(body: Body, displacements: Array) -> Array:
+def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:
     """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (P, 3) [m].
 
-    At displacement zero they are those at rest to the last bit.
+    At displacement zero they are those at rest to the last bit, or where they drifted to by (N, V, 3) [m].
     """
-    return body.carrier.carry(body.block.rest, displacements)
+    return body.carrier.carry(body.block.rest, displacements, drift)
 
 
 def moved_gaussians(
-    body: Body, displacements: Array, maps: MapChoice, *, previous: Gaussians | None = None
+    body: Body,
+    displacements: Array,
+    maps: MapChoice,
+    *,
+    previous: Gaussians | None = None,
+    drift: Array | None = None,
 ) -> MovedGaussians:
     """Control rule and T^-1 of a body's displaced points.
 
@@ -221,15 +248,27 @@ def moved_gaussians(
         Which inverse and which bound.
     previous
         Source of the frames of simplices that have none.
+    drift : (N, V, 3) [m]
+        How far the body has moved by itself.
     """
-    return shapes(moved_simplices(body, displacements), body.block.local, maps, previous=previous)
+    before = None if drift is None else body.block.rest + drift
+    moved = moved_simplices(body, displacements, drift)
+    return shapes(moved, body.block.local, maps, previous=previous, before=before)
 
 
 def shapes(
-    simplices: Array, reference: Gaussians, maps: MapChoice, *, previous: Gaussians | None = None
+    simplices: Array,
+    reference: Gaussians,
+    maps: MapChoice,
+    *,
+    previous: Gaussians | None = None,
+    before: Array | None = None,
 ) -> MovedGaussians:
-    """Control rule and T^-1 of moved simplices (N, V, 3) whose Gaussians at rest are `reference`."""
-    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance)
+    """Control rule and T^-1 of moved simplices (N, V, 3) whose Gaussians at rest are `reference`.
+
+    `before` are those that physics moved where they are not those at rest.
+    """
+    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance, before)
     # Constant colour has nothing to turn: T^-1 is then about shapes alone.
     plain = reference.with_(harmonics=reference.harmonics[:, :1])
     inverted = invert_simplices(simplices, reference=plain, covariance=maps.covariance, previous=previous)

@@ -24,11 +24,22 @@ class Carrier(Protocol):
     kind: ClassVar[str]
     """Name in recordings."""
 
-    def carry(self, rest: Array, displacements: Array) -> Array:
-        """Simplices (N, V, 3) [m], from those at rest and the points' displacements (P, 3) [m].
+    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
+        """Simplices (N, V, 3) [m]: phi(X) + F(X) drift, F the deformation gradient of phi at each Gaussian.
 
-        Both about the centre of the body. At displacement zero they are those at rest to the last bit.
+        Parameters
+        ----------
+        rest : (N, V, 3) [m]
+            X, about the centre of the body.
+        displacements : (P, 3) [m]
+            Of the points. At displacement zero the result is rest + drift, to the last bit where there is no drift.
+        drift : (N, V, 3) [m]
+            How far the object has moved by itself, see `gasp_core.dynamics`; None: not at all.
         """
+        ...
+
+    def gather(self, rest: Array, velocities: Array) -> Array:
+        """Velocities of the points (P, 3) [m/s] of a body whose simplices (N, V, 3) [m] have velocities (N, V, 3)."""
         ...
 
     @property

@@ -31,6 +31,8 @@ Array = NDArray[Any]
 
 _CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 """Four points of mean zero and covariance one."""
+_THIN = 1e-9
+"""Least share of a cluster's shortest axis squared in its longest one squared for a slope of velocities along it."""
 _CORNERS_A_CELL = 4
 """A plant in 5,499 cells strayed from that of all vertices by 1.1 % of its diagonal with 4 a cell, by 5.5 % with 1."""
 
@@ -56,13 +58,27 @@ class Levels:
     kind: ClassVar[str] = "cores"
     levels: tuple[Level, ...]
 
-    def carry(self, rest: Array, displacements: Array) -> Array:
-        """See `Carrier`."""
+    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
+        """See `Carrier`.
+
+        Both transfers are affine for each Gaussian: what carries X carries X + drift too, as phi(X) + F(X) drift.
+        """
         moved = np.asarray(displacements, dtype=np.float64).reshape(self.levels[0].cores.points.shape)
         for level, below in pairwise(self.levels):
             moved = level.transfer.carry(level.cores, below.cores.points, moved) - below.cores.points
         last = self.levels[-1]
-        return last.transfer.carry(last.cores, rest, moved)
+        return last.transfer.carry(last.cores, rest if drift is None else rest + drift, moved)
+
+    def gather(self, rest: Array, velocities: Array) -> Array:
+        """See `Carrier`: each core has the affine fit to its Gaussians' vertices, v + L (x - c)."""
+        places, speeds = rest.reshape(-1, 3), velocities.reshape(-1, 3)
+        owners = np.repeat(self.labels, rest.shape[1])
+        counts, centres, covariances = scatter(places, owners, np.ones(len(owners)))
+        means = np.stack([np.bincount(owners, column) / counts for column in speeds.T], axis=1)
+        products = _averages(speeds[:, :, None] * (places - centres[owners])[:, None], owners, np.ones(len(owners)))
+        slopes = products @ np.linalg.pinv(covariances, rcond=_THIN, hermitian=True)
+        arms = self.levels[0].cores.points - centres[:, None]
+        return (means[:, None] + np.einsum("cij,cvj->cvi", slopes, arms)).reshape(-1, 3)
 
     @property
     def labels(self) -> Array:

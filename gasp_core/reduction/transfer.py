@@ -30,11 +30,11 @@ _ROWS_AT_ONCE = 2**16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cores:
-    """Tetrahedra that stand for clusters.
+    """Simplices that stand for what is around them: tetrahedra for clusters, or those of the Gaussians themselves.
 
     Parameters
     ----------
-    points : (C, 4, 3) [m]
+    points : (C, V, 3) [m]
         Their corners, about the centre of the body.
     """
 
@@ -52,23 +52,45 @@ class Cores:
     def moments(self) -> Array:
         """Second moments of their corners about the centres, (C, 3, 3) [m^2]."""
         offsets = self.points - self.centres[:, None]
-        return np.einsum("cvi,cvj->cij", offsets, offsets) / 4
+        return np.einsum("cvi,cvj->cij", offsets, offsets) / self.points.shape[1]
 
     def turned(self, displacements: Array) -> Array:
-        """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, 4, 3) [m].
+        """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, V, 3) [m].
 
-        R is the polar rotation of the deformation gradient; 1 where a core has no volume.
+        R is the polar rotation of the deformation gradient; that of a flat core takes its normal to the normal it has
+        now. 1 where a core is a line or a point.
         """
         offsets = self.points - self.centres[:, None]
-        products = np.einsum("cvi,cvj->cij", displacements, offsets) / 4
-        moments = self.moments
-        values = np.linalg.eigvalsh(moments)
-        whole = values[:, 0] > _FLAT_CORE * values[:, 2]
-        gradients = np.zeros_like(products)
-        gradients[whole] = products[whole] @ np.linalg.inv(moments[whole])
+        products = np.einsum("cvi,cvj->cij", displacements, offsets) / self.points.shape[1]
+        values, axes = np.linalg.eigh(self.moments)
+        flat = values[:, 1] > _FLAT_CORE * values[:, 2]
+        # Rounding may give a triangle a volume.
+        whole = flat & (values[:, 0] > _FLAT_CORE * values[:, 2]) & (self.points.shape[1] > 3)
+        known = np.stack([whole, flat, flat], axis=1)
+        inverses = np.where(known, 1 / np.where(known, values, 1.0), 0.0)
+        gradients = products @ ((axes * inverses[:, None]) @ axes.transpose(0, 2, 1))
+        _add_normals(gradients, axes, np.flatnonzero(flat & ~whole))
         one = np.broadcast_to(np.eye(3), gradients.shape)
         # The polar rotation of 1 is subtracted, not 1: at displacement zero the difference is zero to the last bit.
         return polar_rotations(one + gradients) - polar_rotations(one)
+
+
+def _add_normals(gradients: Array, axes: Array, rows: Array) -> None:
+    """Let F = 1 + gradients take the normals of flat cores, the first of their principal axes, to those they have now.
+
+    Without displacement that adds nothing, to the last bit.
+    """
+    normal, second, third = (axes[rows, :, k] for k in range(3))
+    moved = [axis + np.einsum("cij,cj->ci", gradients[rows], axis) for axis in (second, third)]
+    change = _unit_cross(*moved) - _unit_cross(second, third)
+    facing = np.sign(np.einsum("ci,ci->c", np.cross(second, third), normal))[:, None]
+    gradients[rows] += (facing * change)[:, :, None] * normal[:, None, :]
+
+
+def _unit_cross(first: Array, second: Array) -> Array:
+    normals = np.cross(first, second)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.where(lengths > 0, lengths, 1.0)
 
 
 class Transfer(Protocol):
@@ -82,7 +104,7 @@ class Transfer(Protocol):
         ...
 
     def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
-        """Simplices (N, V, 3), from those at rest and the displacements (C, 4, 3) of the cores' corners [m]."""
+        """Simplices (N, V, 3), from those at rest and the displacements (C, V, 3) of the cores' corners [m]."""
         ...
 
     def arrays(self) -> Mapping[str, Array]:
@@ -175,7 +197,8 @@ class LeastSquares:
         out = np.empty_like(rest)
         table = np.ones((len(cores), kernels.COLUMNS))
         table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
-        table[:, 6:15] = np.einsum("cvi,cvj->cij", displacements, cores.points).reshape(-1, 9) / 4
+        products = np.einsum("cvi,cvj->cij", displacements, cores.points) / cores.points.shape[1]
+        table[:, 6:15] = products.reshape(-1, 9)
         chunks = jacobi.chunk_count(len(rest))
         kernels.carry_affinely(rest, table, self.neighbours, self.weights, self.inverses, out, chunks)
         if len(self.fallen):
@@ -220,5 +243,6 @@ def _carry_rigidly(cores: Cores, rest: Array, displacements: Array, labels: Arra
     """out[rows], simplices that move with the frame of their core."""
     table = np.empty((len(cores), 15))
     table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
-    table[:, 6:] = cores.turned(displacements).reshape(-1, 9)
+    used = np.unique(labels[rows])
+    table[used, 6:] = Cores(points=cores.points[used]).turned(displacements[used]).reshape(-1, 9)
     kernels.carry_rigidly(rest, table, labels, rows, out, jacobi.chunk_count(len(rows)))

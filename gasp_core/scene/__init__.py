@@ -13,17 +13,24 @@ from gasp_core.scene.model import (
     Scene,
     SplatObject,
 )
+from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.writing import scene_to_toml
 
 __all__ = [
+    "Bend",
     "CameraChoice",
     "EngineChoice",
     "Floaters",
+    "FrameSequence",
     "MapChoice",
+    "Motion",
+    "PythonMotion",
     "RecordingChoice",
     "Reduction",
     "Scene",
     "SplatObject",
+    "Swing",
+    "Wave",
     "load_scene",
     "scene_to_toml",
 ]

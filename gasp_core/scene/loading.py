@@ -22,6 +22,7 @@ from gasp_core.scene.model import (
     Scene,
     SplatObject,
 )
+from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.tables import Table, kind_of
 
 __all__ = ["load_scene", "read_scene"]
@@ -32,7 +33,7 @@ _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Drive
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "min_opacity", "region", "floaters", "vertices",
+    "angular_velocity", "reduction", "min_opacity", "region", "floaters", "vertices", "motion",
 )  # fmt: skip
 
 
@@ -132,6 +133,8 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
         values["region"] = _read_shape(table.table("region"))
     if table.has("vertices"):
         values["vertices"] = _read_vertices(table)
+    if table.has("motion"):
+        values["motion"] = _read_motion(table.table("motion"), folder)
     values["static"] = table.flag("static")
     values["min_opacity"] = table.number("min_opacity", 0.0)
     values["floaters"] = table.choice("floaters", {rule.value: rule for rule in Floaters}, Floaters.KEEP.value)
@@ -156,6 +159,17 @@ def _read_material(table: Table) -> Material:
 
 def _read_reduction(table: Table) -> Reduction:
     return table.build(Reduction)
+
+
+def _read_motion(table: Table, folder: Path | None) -> Motion:
+    kind = table.choice("kind", MOTIONS)
+    if not issubclass(kind, PythonMotion) or not table.has("function"):
+        return table.build(kind, tag="kind")
+    text = table.text("function")
+    module, _, name = text.rpartition(":")
+    # A module beside the scene file comes before one of that name that is installed.
+    beside = None if folder is None else (folder / f"{module}.py").absolute()
+    return table.build(kind, tag="kind", function=f"{beside}:{name}" if beside and beside.is_file() else text)
 
 
 def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:

@@ -16,6 +16,7 @@ from gasp_core.engine.materials import Material
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.motions import FrameSequence, Motion
 
 __all__ = [
     "CameraChoice",
@@ -113,7 +114,7 @@ class SplatObject:
     name
         Unique in the scene.
     splat
-        A splat file (or folder, for unpacked .sog), or the Gaussians themselves.
+        A splat file (or folder, for unpacked .sog, or of frames), or the Gaussians themselves.
     material
         What it is made of; None only with `static`.
     static
@@ -146,6 +147,8 @@ class SplatObject:
         loose leaves are thrown away unasked; their number is reported all the same.
     vertices
         Vertices of a simplex for this object; None: as in `Scene.maps`.
+    motion
+        How it moves by itself before physics acts on it; None: not at all.
 
     Raises
     ------
@@ -169,6 +172,7 @@ class SplatObject:
     region: HalfSpace | BoxShape | SphereShape | None = None
     floaters: Floaters = Floaters.KEEP
     vertices: Literal[3, 4, "auto"] | None = None
+    motion: Motion | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -195,6 +199,22 @@ class SplatObject:
             _check_rotation(self)
         if self.vertices not in (None, 3, 4, "auto"):
             raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if self.motion is not None:
+            _check_motion(self, self.motion)
+
+
+def _check_motion(owner: SplatObject, motion: Motion) -> None:
+    where = f'SplatObject.motion of "{owner.name}"'
+    if owner.static:
+        raise SceneError(f"{where} has no meaning with static: leave one of them out")
+    if isinstance(motion, FrameSequence) and isinstance(owner.splat, Gaussians):
+        raise SceneError(f"{where} wants a folder of frames for a splat, found Gaussians in memory")
+    if motion.composition == "carried" and (owner.region is not None or owner.floaters is Floaters.STILL):
+        key = "region" if owner.region is not None else 'floaters = "still"'
+        raise SceneError(
+            f"{where} would tear it off what {key} leaves still: leave that out"
+            ' (a drive of kind "pinned" holds matter too), or say composition = "frozen"'
+        )
 
 
 def _check_rotation(owner: SplatObject) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ from gasp_core.scene.floaters import floating
 from gasp_core.scene.model import Floaters, SplatObject
 from gasp_core.scene.placement import Placement, place, placement_of
 
-__all__ = ["PlacedObject", "SetAside", "place_object"]
+__all__ = ["PlacedObject", "SetAside", "bounded_by_region", "place_object", "settle"]
 
 Array = NDArray[Any]
 
@@ -106,7 +107,12 @@ class PlacedObject:
 
 
 def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
-    """Select and place the Gaussians of an object.
+    """Select and place the Gaussians of an object: `settle`, then `bounded_by_region`."""
+    return bounded_by_region(settle(item, gaussians))
+
+
+def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
+    """Select and place the Gaussians of an object, whatever its region.
 
     Parameters
     ----------
@@ -118,7 +124,7 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     Raises
     ------
     SceneError
-        Where nothing is left to draw, or nothing to simulate of an object that is not static.
+        Where nothing is left to draw.
     """
     finite = _finite_rows(gaussians)
     visible = (gaussians.scales > 0).any(axis=1) & (gaussians.scales >= 0).all(axis=1)
@@ -141,15 +147,6 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     moving = np.full(len(rows), not item.static)
     if item.floaters is Floaters.STILL:
         moving &= ~floats
-    outside = np.zeros(len(rows), dtype=bool)
-    if item.region is not None:
-        outside = moving & (item.region.signed_distance(placed.means) > 0)
-        moving &= ~outside
-    if not item.static and not moving.any():
-        raise SceneError(
-            f'object "{item.name}": none of its {len(rows)} Gaussians is inside the region:'
-            " move the region (it is in world coordinates, metres, +z up), or say static = true"
-        )
     set_aside = SetAside(
         total=len(gaussians),
         non_finite=int((~finite).sum()),
@@ -157,7 +154,7 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
         faint=int((finite & visible & ~opaque).sum()),
         floaters=count,
         floaters_rule=item.floaters.value,
-        outside_region=int(outside.sum()),
+        outside_region=0,
         first_non_finite=tuple(int(row) for row in np.flatnonzero(~finite)[:5]),
     )
     return PlacedObject(
@@ -169,6 +166,28 @@ def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
         placement=placement,
         set_aside=set_aside,
     )
+
+
+def bounded_by_region(placed: PlacedObject) -> PlacedObject:
+    """The object with what is outside its region standing still.
+
+    Raises
+    ------
+    SceneError
+        Where nothing is left to simulate of an object that is not static.
+    """
+    item, moving = placed.item, placed.moving
+    outside = np.zeros_like(moving)
+    if item.region is not None:
+        outside = moving & (item.region.signed_distance(placed.gaussians.means) > 0)
+        moving = moving & ~outside
+    if not item.static and not moving.any():
+        raise SceneError(
+            f'object "{item.name}": none of its {len(moving)} Gaussians is inside the region:'
+            " move the region (it is in world coordinates, metres, +z up), or say static = true"
+        )
+    set_aside = dataclasses.replace(placed.set_aside, outside_region=int(outside.sum()))
+    return dataclasses.replace(placed, moving=moving, set_aside=set_aside)
 
 
 def _finite_rows(gaussians: Gaussians) -> Array:

@@ -67,6 +67,8 @@ def _object(item: SplatObject, absolute: bool) -> dict[str, Any]:
         values["splat"] = str(item.splat.absolute())
     if item.material is not None:
         values["material"] = {"model": item.material.kind, **_fields(item.material)}
+    if item.motion is not None:
+        values["motion"] = {"kind": item.motion.kind, **_fields(item.motion)}
     return values
 
 
@@ -93,6 +95,9 @@ def _plain(value: Any) -> Any:
         return str(value)
     if dataclasses.is_dataclass(value):
         return _fields(value)
+    if callable(value):
+        name = getattr(value, "__name__", "")
+        return f"{getattr(value, '__module__', 'memory')}:{name if name.isidentifier() else 'function'}"
     return value
 
 

@@ -1,0 +1,197 @@
+"""An object that moves by itself, from its file to what physics begins with and to how it drifts from there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.dynamics.analytic import analytic_motion
+from gasp_core.dynamics.callables import CallableMotion
+from gasp_core.dynamics.motion import PlacedMotion, SceneMotion, velocities
+from gasp_core.dynamics.sequence import SequenceMotion, frame_files
+from gasp_core.errors import SceneError
+from gasp_core.games import Covariance, choose_vertices, invert_simplices, to_simplices
+from gasp_core.gaussians import Gaussians
+from gasp_core.scene.model import MapChoice, SplatObject
+from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
+from gasp_core.scene.selection import PlacedObject, bounded_by_region, settle
+
+__all__ = ["Drift", "Played", "play"]
+
+Array = NDArray[Any]
+
+_SAME = 1e-12
+"""Of the extent: nearer than that, a simplex is where it is at rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """A motion as an object plays it, over simulated time.
+
+    Parameters
+    ----------
+    name
+        Of the object.
+    choice
+        What was asked for.
+    motion
+        psi of the drawn Gaussians, about the place of the splat's origin in the world [m].
+    vertices
+        Of a simplex.
+    """
+
+    name: str
+    choice: Motion
+    motion: SceneMotion
+    vertices: Literal[3, 4]
+
+    def scene_time(self, time: float) -> float:
+        """Scene time [s] at a simulated time [s]; psi stands still beyond its span."""
+        return float(np.clip(self.choice.start + self.choice.rate * time, *self.motion.span))
+
+    def simplices(self, time: float) -> Array:
+        """Simplices (N, V, 3) [m] at a simulated time [s].
+
+        Raises
+        ------
+        SceneError
+            Where they are not finite.
+        """
+        moment = self.scene_time(time)
+        return self._checked(self.motion.simplices(moment), moment)
+
+    def velocities(self) -> Array:
+        """Of the simplices at the start, (N, V, 3) [m/s]; zero where physics is not to have them."""
+        moment = self.scene_time(0.0)
+        if self.choice.composition == "carried" or self.choice.start_velocity is False:
+            return np.zeros((len(self.motion), self.vertices, 3))
+        return self._checked(self.choice.rate * velocities(self.motion, moment), moment)
+
+    def _checked(self, array: Array, moment: float) -> Array:
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=(1, 2)))
+        if len(bad):
+            first = ", ".join(str(row) for row in bad[:5])
+            raise SceneError(
+                f'object "{self.name}": its motion is not finite at scene time {moment:g} s,'
+                f" in {len(bad)} of {len(array)} Gaussians, first {first}"
+            )
+        return array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """psi(V, s) - psi(V, s0) of a body's simplices.
+
+    The simplices of the Gaussians at s0 need not be psi(V, s0): T gives edges along principal axes, psi any that span
+    the same. Their edges are combinations of psi's, at all times the same ones.
+
+    Parameters
+    ----------
+    played
+        The motion of all drawn Gaussians of the object.
+    rows : (N,)
+        Those of the body.
+    start : (N, V, 3) [m]
+        psi(V, s0).
+    mixing : (N, V - 1, V - 1)
+        Edges of the body at rest = mixing @ edges of psi(V, s0).
+    """
+
+    played: Played
+    rows: Array
+    start: Array
+    mixing: Array
+
+    @classmethod
+    def of(cls, played: Played, moving: Array, rest: Array) -> Drift:
+        """For the body of the `moving` (mask) among the drawn Gaussians, whose simplices at rest are (N, V, 3) [m]."""
+        rows = np.flatnonzero(moving)
+        start = played.simplices(0.0)[rows]
+        own, given = rest[:, 1:] - rest[:, :1], start[:, 1:] - start[:, :1]
+        mixing = np.tile(np.eye(own.shape[1]), (len(own), 1, 1))
+        largest = np.abs(own).max(axis=(1, 2), keepdims=True)
+        other = np.flatnonzero((np.abs(own - given) > 1e-9 * largest).any(axis=(1, 2)))
+        mixing[other] = own[other] @ np.linalg.pinv(given[other], rcond=1e-12)
+        return cls(played=played, rows=rows, start=start, mixing=mixing)
+
+    def at(self, time: float) -> Array:
+        """At a simulated time [s], (N, V, 3) float32 [m], as recordings keep it."""
+        return self._mixed(self.played.simplices(time)[self.rows] - self.start).astype(np.float32)
+
+    def velocities(self) -> Array:
+        """At the start, as far as physics is to have them, (N, V, 3) [m/s]."""
+        return self._mixed(self.played.velocities()[self.rows])
+
+    def _mixed(self, differences: Array) -> Array:
+        result = np.repeat(differences[:, :1], differences.shape[1], axis=1)
+        result[:, 1:] += self.mixing @ (differences[:, 1:] - differences[:, :1])
+        return result
+
+
+def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[PlacedObject, Played]:
+    """Select and place an object that moves by itself, and let it be where it is at the start.
+
+    Height, position and what is left out are those of the splat in the file; for a folder, of its first frame.
+
+    Parameters
+    ----------
+    item
+        With a motion.
+    gaussians
+        As the file holds them.
+    maps
+        Of the scene.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where the object cannot be placed, or its motion not be played.
+    """
+    choice = item.motion
+    assert choice is not None
+    placed = settle(item, gaussians)
+    wanted = item.vertices or maps.vertices
+    vertices = choose_vertices(placed.gaussians.select(placed.moving)) if wanted == "auto" else wanted
+    origin = placed.placement.translation
+    local = placed.gaussians.with_(means=placed.gaussians.means - origin)
+    rest = to_simplices(local, vertices)
+    motion = _motion_of(item, choice, gaussians, placed, rest)
+    played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices)
+    begun = _moved(local, rest, played.simplices(0.0), maps.covariance)
+    at_start = replace(placed, gaussians=begun.with_(means=begun.means + origin))
+    return bounded_by_region(at_start), played
+
+
+def _motion_of(
+    item: SplatObject, choice: Motion, gaussians: Gaussians, placed: PlacedObject, rest: Array
+) -> SceneMotion:
+    analytic = analytic_motion(choice, rest, placed.placement.translation)
+    if analytic is not None:
+        return analytic
+    vertices = 4 if rest.shape[1] == 4 else 3
+    if isinstance(choice, FrameSequence):
+        assert isinstance(item.splat, Path)  # SplatObject refuses all else
+        own: SceneMotion = SequenceMotion(frame_files(item.splat), choice.frame_rate, vertices)
+    elif isinstance(choice, PythonMotion):
+        own = CallableMotion(choice, to_simplices(gaussians, vertices))
+    else:
+        raise SceneError(f'object "{item.name}": this GASP knows no motion of kind "{choice.kind}"')
+    return PlacedMotion(motion=own, rows=placed.rows, placement=placed.placement)
+
+
+def _moved(local: Gaussians, rest: Array, start: Array, covariance: Covariance) -> Gaussians:
+    """The Gaussians of simplices that psi has brought from rest to where they start."""
+    away = np.abs(start - rest).max(axis=(1, 2)) > _SAME * np.ptp(rest, axis=(0, 1)).max()
+    moved = invert_simplices(start, reference=local, covariance=covariance).gaussians
+    # What has not moved stays what it is: T^-1 T may name equal axes in another order.
+    return Gaussians(
+        means=np.where(away[:, None], moved.means, local.means),
+        quaternions=np.where(away[:, None], moved.quaternions, local.quaternions),
+        scales=np.where(away[:, None], moved.scales, local.scales),
+        opacities=local.opacities,
+        harmonics=np.where(away[:, None, None], moved.harmonics, local.harmonics),
+    )

@@ -1,0 +1,131 @@
+"""A folder of splats, one a frame, matched row by row."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import SplatFormatError
+from gasp_core.games import edge_axes, to_simplices
+from gasp_core.gaussians import Gaussians
+from gasp_core.io import read_splat
+
+__all__ = ["SequenceMotion", "frame_files"]
+
+Array = NDArray[Any]
+
+
+def frame_files(folder: Path) -> list[Path]:
+    """The splats of a folder in the natural order of their names: 2 before 10; hidden files are left out.
+
+    Raises
+    ------
+    SplatFormatError
+        Where it is no folder of frames, or holds files of several kinds.
+    """
+    if not folder.is_dir():
+        raise SplatFormatError(f"{folder}: is no folder: a motion of frames wants one, with a splat for each frame")
+    if (folder / "meta.json").exists():
+        raise SplatFormatError(f"{folder}: is one splat (SOG), not a folder of frames: name the folder it lies in")
+    files = sorted((entry for entry in folder.iterdir() if not entry.name.startswith(".")), key=_natural)
+    if not files:
+        raise SplatFormatError(f"{folder}: is empty: put a splat for each frame into it")
+    kinds = {"".join(file.suffixes[-2:]).lower() if _compressed(file) else file.suffix.lower(): file for file in files}
+    if len(kinds) > 1:
+        first, second = list(kinds.values())[:2]
+        raise SplatFormatError(
+            f"{folder}: holds files of several kinds, such as {first.name} and {second.name}:"
+            " leave nothing in it but frames of one format"
+        )
+    return files
+
+
+class SequenceMotion:
+    """psi of a folder of frames, in the frame and unit of the files.
+
+    Between two frames every vertex goes along a straight line at constant speed, the interpolation that is natural to
+    simplices: means and edges are linear in time. What turns by an angle a from one frame to the next is thinner by a
+    factor cos(a / 2) halfway. Colours and opacities are those of the first frame.
+
+    Parameters
+    ----------
+    files
+        In order.
+    frame_rate
+        [1/s] of scene time; the first frame is at 0.
+    vertices
+        Of a simplex, 3 or 4. With 3 the first frame says which axis of each Gaussian is left out.
+
+    Raises
+    ------
+    SplatFormatError
+        Where a file is no splat, or has another number of Gaussians or another degree of harmonics than the first. All
+        are looked at: a run that fails here fails before it began.
+    """
+
+    def __init__(self, files: list[Path], frame_rate: float, vertices: int) -> None:
+        self._files = files
+        self._frame_rate = frame_rate
+        first = read_splat(files[0])
+        self._count, self._degree = len(first), first.sh_degree
+        self._edges = edge_axes(first.scales, vertices)
+        for file in files[1:]:
+            self._read(file)
+        # A run asks for two frames in turn, over and over.
+        self._frame = lru_cache(maxsize=2)(self._simplices_of)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """See `SceneMotion`."""
+        return 0.0, (len(self._files) - 1) / self._frame_rate
+
+    @property
+    def step(self) -> float:
+        """See `SceneMotion`: a frame."""
+        return 1 / self._frame_rate
+
+    def __len__(self) -> int:
+        return self._count
+
+    def simplices(self, time: float) -> Array:
+        """See `SceneMotion`."""
+        place = time * self._frame_rate
+        # A hair of tolerance: what is meant to be at a frame is that frame, to the last bit.
+        nearest = round(place)
+        if abs(place - nearest) <= 1e-9 * max(1.0, abs(place)):
+            return self._frame(nearest)
+        before = int(place)
+        share = place - before
+        return (1 - share) * self._frame(before) + share * self._frame(before + 1)
+
+    def _simplices_of(self, number: int) -> Array:
+        tetrahedra = to_simplices(self._read(self._files[number]), 4)
+        edges = np.take_along_axis(tetrahedra[:, 1:], self._edges[:, :, None], axis=1)
+        return np.concatenate([tetrahedra[:, :1], edges], axis=1)
+
+    def _read(self, file: Path) -> Gaussians:
+        gaussians = read_splat(file)
+        for what, found, expected in (
+            ("Gaussians", len(gaussians), self._count),
+            ("as its degree of harmonics", gaussians.sh_degree, self._degree),
+        ):
+            if found != expected:
+                raise SplatFormatError(
+                    f"{file}: has {found} {what}, the first frame ({self._files[0].name}) {expected}:"
+                    " frames are matched row by row and must be alike"
+                )
+        return gaussians
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def _compressed(file: Path) -> bool:
+    return file.name.lower().endswith(".compressed.ply")
