@@ -14,13 +14,13 @@ from gasp_core.dynamics.callables import CallableMotion
 from gasp_core.dynamics.motion import PlacedMotion, SceneMotion, velocities
 from gasp_core.dynamics.sequence import SequenceMotion, frame_files
 from gasp_core.errors import SceneError
-from gasp_core.games import Covariance, choose_vertices, invert_simplices, to_simplices
+from gasp_core.games import Covariance, choose_vertices, edge_axes, invert_simplices, to_simplices
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.model import MapChoice, SplatObject
 from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
 from gasp_core.scene.selection import PlacedObject, bounded_by_region, settle
 
-__all__ = ["Drift", "Played", "play"]
+__all__ = ["Drift", "Played", "drifted", "play"]
 
 Array = NDArray[Any]
 
@@ -119,17 +119,27 @@ class Drift:
         return cls(played=played, rows=rows, start=start, mixing=mixing)
 
     def at(self, time: float) -> Array:
-        """At a simulated time [s], (N, V, 3) float32 [m], as recordings keep it."""
+        """At a simulated time [s], (N, V, 3) float32 [m], as recordings keep it; see `drifted`."""
         return self._mixed(self.played.simplices(time)[self.rows] - self.start).astype(np.float32)
 
     def velocities(self) -> Array:
-        """At the start, as far as physics is to have them, (N, V, 3) [m/s]."""
-        return self._mixed(self.played.velocities()[self.rows])
+        """Of the vertices at the start, as far as physics is to have them, (N, V, 3) [m/s]."""
+        return drifted(np.zeros_like(self.start), self._mixed(self.played.velocities()[self.rows]))
 
     def _mixed(self, differences: Array) -> Array:
-        result = np.repeat(differences[:, :1], differences.shape[1], axis=1)
-        result[:, 1:] += self.mixing @ (differences[:, 1:] - differences[:, :1])
-        return result
+        """Differences of the means, and of the edges of the body."""
+        edges = self.mixing @ (differences[:, 1:] - differences[:, :1])
+        return np.concatenate([differences[:, :1], edges], axis=1)
+
+
+def drifted(rest: Array, drift: Array) -> Array:
+    """Simplices (N, V, 3) at rest that have drifted by (N, V, 3): rows of the mean, and of the change of each edge.
+
+    So kept, a float32 knows the change of the shortest edge to its own last digit, however far the mean has gone.
+    """
+    result = rest + drift[:, :1]
+    result[:, 1:] += drift[:, 1:]
+    return result
 
 
 def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[PlacedObject, Played]:
@@ -187,11 +197,22 @@ def _moved(local: Gaussians, rest: Array, start: Array, covariance: Covariance) 
     """The Gaussians of simplices that psi has brought from rest to where they start."""
     away = np.abs(start - rest).max(axis=(1, 2)) > _SAME * np.ptp(rest, axis=(0, 1)).max()
     moved = invert_simplices(start, reference=local, covariance=covariance).gaussians
+    scales = moved.scales if rest.shape[1] == 4 else _thin(moved.scales, local.scales)
     # What has not moved stays what it is: T^-1 T may name equal axes in another order.
     return Gaussians(
         means=np.where(away[:, None], moved.means, local.means),
         quaternions=np.where(away[:, None], moved.quaternions, local.quaternions),
-        scales=np.where(away[:, None], moved.scales, local.scales),
+        scales=np.where(away[:, None], scales, local.scales),
         opacities=local.opacities,
         harmonics=np.where(away[:, None, None], moved.harmonics, local.harmonics),
     )
+
+
+def _thin(scales: Array, rest_scales: Array) -> Array:
+    """Scales (N, 3) of triangles, the axis that they leave out no longer than the others: T must leave out the same."""
+    seen = edge_axes(rest_scales, 3)
+    left_out = 3 - seen.sum(axis=1, keepdims=True)
+    bound = (1 - 1e-9) * np.take_along_axis(scales, seen, axis=1).min(axis=1, keepdims=True)
+    result = scales.copy()
+    np.put_along_axis(result, left_out, np.minimum(np.take_along_axis(scales, left_out, axis=1), bound), axis=1)
+    return result

@@ -16,7 +16,7 @@ from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
 from gasp_core.recording.lock import locked
 from gasp_core.reduction.all_vertices import Vertices, block_of
-from gasp_core.reduction.assembly import Body, matter_turns, moved_gaussians, moved_simplices, shapes
+from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.carrier import Carrier
 from gasp_core.reduction.cores import Levels
 from gasp_core.scene.loading import read_scene
@@ -299,14 +299,15 @@ class Recording:
             relative, _ = self.displacements(int(last))
             drift = self._drifts(self.commit(int(last)))[index]
             moved = moved_simplices(body, relative[body.points], drift)[rows]
-            before = None if drift is None else (body.block.rest + drift)[rows]
+            before = before_physics(body, drift)
+            before = None if before is None else before[rows]
             valid = shapes(moved, local.select(rows), self.scene.maps, before=before).gaussians
             quaternions[rows] = valid.quaternions
             scales[rows] = valid.scales
         return local.with_(quaternions=quaternions, scales=scales)
 
     def _drifts(self, commit: Commit) -> list[Array | None]:
-        """For each body (N, V, 3) [m], how far its simplices have moved by themselves; None for those that do not."""
+        """For each body (N, V, 3) [m], how far it has moved by itself, as `drifted` takes it; None: it does not."""
         shapes_of = [
             body.block.rest.shape if entry.drifts else None for body, entry in zip(self.bodies, self.header.bodies)
         ]

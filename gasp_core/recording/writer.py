@@ -162,7 +162,8 @@ class RecordingWriter:
         diagnostics
             JSON values.
         drifts
-            For each body (N, V, 3) [m], how far its simplices have moved by themselves; None for those that do not.
+            For each body (N, V, 3) [m], how far it has moved by itself, as `gasp_core.dynamics.composition.drifted`
+            takes it; None for those that do not.
 
         Raises
         ------

@@ -71,7 +71,7 @@ class Vertices:
     factors: Array
     gradients: LeastSquares | None = None
 
-    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
+    def carry(self, rest: Array, displacements: Array, drifted: Array | None = None) -> Array:
         """See `Carrier`.
 
         The rest simplices are added after the displacements were divided by the magnification: at displacement zero
@@ -79,12 +79,12 @@ class Vertices:
         """
         moves = np.asarray(displacements, dtype=np.float64).reshape(rest.shape)
         moved = rest + demagnify(moves, self.factors)
-        if drift is None:
+        if drifted is None:
             return moved
         assert self.gradients is not None, "a body that drifts is sampled for it"
         around = Cores(points=lengthened(rest, self.factors))
-        # The fit b(x) is affine for each Gaussian: x + b(x) at both ends of the drift differs by F drift.
-        ends = [self.gradients.carry(around, start, moves) for start in (rest, rest + drift)]
+        # The fit b is affine for each Gaussian: Y + b(Y) - X - b(X) is F (Y - X).
+        ends = [self.gradients.carry(around, start, moves) for start in (rest, drifted)]
         return moved + (ends[1] - ends[0])
 
     def gather(self, rest: Array, velocities: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.control import control
-from gasp_core.dynamics.composition import Drift, Played
+from gasp_core.dynamics.composition import Drift, Played, drifted
 from gasp_core.engine.contract import PointCloud, PointProblem
 from gasp_core.engine.materials import Material
 from gasp_core.errors import SceneError
@@ -22,7 +22,7 @@ from gasp_core.reduction.cores import sample_cores
 from gasp_core.scene.model import MapChoice, Scene
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "matter_turns"]
+__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "before_physics", "matter_turns"]
 __all__ += ["moved_gaussians", "moved_simplices", "shapes"]
 
 Array = NDArray[Any]
@@ -223,9 +223,14 @@ def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Blo
 def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:
     """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (P, 3) [m].
 
-    At displacement zero they are those at rest to the last bit, or where they drifted to by (N, V, 3) [m].
+    At displacement zero they are those at rest to the last bit, or where they have drifted to by (N, V, 3) [m].
     """
-    return body.carrier.carry(body.block.rest, displacements, drift)
+    return body.carrier.carry(body.block.rest, displacements, before_physics(body, drift))
+
+
+def before_physics(body: Body, drift: Array | None) -> Array | None:
+    """Where a body's simplices have moved to by themselves, (N, V, 3) [m]; None where they do not."""
+    return None if drift is None else drifted(body.block.rest, drift)
 
 
 def moved_gaussians(
@@ -249,10 +254,10 @@ def moved_gaussians(
     previous
         Source of the frames of simplices that have none.
     drift : (N, V, 3) [m]
-        How far the body has moved by itself.
+        How far the body has moved by itself, as `drifted` takes it.
     """
-    before = None if drift is None else body.block.rest + drift
-    moved = moved_simplices(body, displacements, drift)
+    before = before_physics(body, drift)
+    moved = body.carrier.carry(body.block.rest, displacements, before)
     return shapes(moved, body.block.local, maps, previous=previous, before=before)
 
 

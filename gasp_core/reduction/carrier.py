@@ -24,17 +24,17 @@ class Carrier(Protocol):
     kind: ClassVar[str]
     """Name in recordings."""
 
-    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
-        """Simplices (N, V, 3) [m]: phi(X) + F(X) drift, F the deformation gradient of phi at each Gaussian.
+    def carry(self, rest: Array, displacements: Array, drifted: Array | None = None) -> Array:
+        """Simplices (N, V, 3) [m]: phi(X) + F(X) (Y - X), F the deformation gradient of phi at each Gaussian.
 
         Parameters
         ----------
         rest : (N, V, 3) [m]
             X, about the centre of the body.
         displacements : (P, 3) [m]
-            Of the points. At displacement zero the result is rest + drift, to the last bit where there is no drift.
-        drift : (N, V, 3) [m]
-            How far the object has moved by itself, see `gasp_core.dynamics`; None: not at all.
+            Of the points. At displacement zero the result is Y, and X to the last bit where that is Y.
+        drifted : (N, V, 3) [m]
+            Y, where the object has moved to by itself, see `gasp_core.dynamics`; None: it is where it was.
         """
         ...
 

@@ -58,25 +58,31 @@ class Levels:
     kind: ClassVar[str] = "cores"
     levels: tuple[Level, ...]
 
-    def carry(self, rest: Array, displacements: Array, drift: Array | None = None) -> Array:
+    def carry(self, rest: Array, displacements: Array, drifted: Array | None = None) -> Array:
         """See `Carrier`.
 
-        Both transfers are affine for each Gaussian: what carries X carries X + drift too, as phi(X) + F(X) drift.
+        Both transfers are affine for each Gaussian: what carries X takes Y to phi(X) + F(X) (Y - X).
         """
         moved = np.asarray(displacements, dtype=np.float64).reshape(self.levels[0].cores.points.shape)
         for level, below in pairwise(self.levels):
             moved = level.transfer.carry(level.cores, below.cores.points, moved) - below.cores.points
         last = self.levels[-1]
-        return last.transfer.carry(last.cores, rest if drift is None else rest + drift, moved)
+        return last.transfer.carry(last.cores, rest if drifted is None else drifted, moved)
 
     def gather(self, rest: Array, velocities: Array) -> Array:
-        """See `Carrier`: each core has the affine fit to its Gaussians' vertices, v + L (x - c)."""
+        """See `Carrier`: each core has the affine fit to its Gaussians' vertices, v + L (x - c).
+
+        Along axes that they do not extend along, L is what keeps right angles to the others right.
+        """
         places, speeds = rest.reshape(-1, 3), velocities.reshape(-1, 3)
         owners = np.repeat(self.labels, rest.shape[1])
         counts, centres, covariances = scatter(places, owners, np.ones(len(owners)))
         means = np.stack([np.bincount(owners, column) / counts for column in speeds.T], axis=1)
         products = _averages(speeds[:, :, None] * (places - centres[owners])[:, None], owners, np.ones(len(owners)))
-        slopes = products @ np.linalg.pinv(covariances, rcond=_THIN, hermitian=True)
+        values, axes = np.linalg.eigh(covariances)
+        known = values > _THIN * values[:, 2:]
+        slopes = products @ _spread(axes, np.where(known, 1 / np.where(known, values, 1.0), 0.0))
+        slopes -= _spread(axes, known) @ slopes.transpose(0, 2, 1) @ _spread(axes, ~known)
         arms = self.levels[0].cores.points - centres[:, None]
         return (means[:, None] + np.einsum("cij,cvj->cvi", slopes, arms)).reshape(-1, 3)
 
@@ -193,6 +199,11 @@ def _averages(matrices: Array, labels: Array, weights: Array) -> Array:
     """Weighted means (C, 3, 3) of matrices (N, 3, 3) by cluster."""
     columns = (np.bincount(labels, weights * column) for column in matrices.reshape(-1, 9).T)
     return np.stack(list(columns), axis=1).reshape(-1, 3, 3) / np.bincount(labels, weights)[:, None, None]
+
+
+def _spread(axes: Array, values: Array) -> Array:
+    """Symmetric matrices (C, 3, 3) of these principal axes (C, 3, 3), columns, and values (C, 3)."""
+    return (axes * values[:, None]) @ axes.transpose(0, 2, 1)
 
 
 def _corners(means: Array, covariances: Array, floor: float) -> Array:
