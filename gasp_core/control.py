@@ -125,7 +125,7 @@ def limit_stretches(
     vertices = 4 if simplices.shape[1] == 4 else 3
     gradients = deformation_gradients(simplices, reference)
     if before is not None:
-        gradients = gradients @ np.linalg.pinv(deformation_gradients(before, reference))
+        gradients = gradients @ _inverses(deformation_gradients(before, reference))
     gradients = np.ascontiguousarray(gradients)
     bounded, clipped = np.empty_like(gradients), np.empty(len(gradients), dtype=np.bool_)
     jacobi.bounded_stretches(gradients, alpha, bounded, clipped, jacobi.chunk_count(len(gradients)))
@@ -135,3 +135,13 @@ def limit_stretches(
     edges = rest[:, 1:] - rest[:, :1]
     limited[rows, 1:] = limited[rows, :1] + np.einsum("nij,nkj->nki", bounded[rows], edges)
     return limited, clipped
+
+
+def _inverses(matrices: Array) -> Array:
+    """Inverses (N, 3, 3); zero where there is none."""
+    first, second, third = (matrices[:, :, k] for k in range(3))
+    rows = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=1)
+    determinants = np.einsum("ni,ni->n", first, rows[:, 0])
+    sizes = np.prod([np.linalg.norm(column, axis=1) for column in (first, second, third)], axis=0)
+    usable = np.abs(determinants) > 1e-12 * sizes
+    return np.where(usable, 1 / np.where(usable, determinants, 1.0), 0.0)[:, None, None] * rows

@@ -17,6 +17,7 @@ __all__ = ["READ", "WRITTEN", "read", "write"]
 READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json")
 WRITTEN = (".ply", ".splat", ".spz")
 
+_FOLDER = 'name a file, or the folder of one splat (a folder of frames wants motion = { kind = "frames" } in a scene)'
 _LFS = b"version https://git-lfs"
 _ANNEX = b"/annex/objects/"
 
@@ -50,7 +51,7 @@ def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
         if not (path / "meta.json").is_file():
-            raise malformed(path, "is a folder without meta.json, so no SOG", "name a file, or the folder of one splat")
+            raise malformed(path, "is a folder without meta.json, so no SOG", _FOLDER)
         gaussians, version = read_sog_folder(path)
         return gaussians, f"sog v{version} folder"
     if not stat.S_ISREG(mode):

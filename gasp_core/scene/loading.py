@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Any, Literal
@@ -145,7 +146,7 @@ def _path(table: Table, key: str, folder: Path | None) -> Path:
     text = table.text(key)
     if folder is None:
         return Path(text)
-    path = Path(text).expanduser()
+    path = Path(os.path.expandvars(text)).expanduser()
     path = path if path.is_absolute() else folder / path
     if not path.exists():
         table.fail(key, f"no such file: {path} (relative paths start at the scene file)")

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gasp_core import (
+    Bend,
     BoxShape,
     Collider,
     ContactCondition,
@@ -19,11 +20,13 @@ from gasp_core import (
     EngineChoice,
     Floaters,
     Fluid,
+    FrameSequence,
     HalfSpace,
     Impulse,
     MapChoice,
     Pinned,
     Precision,
+    PythonMotion,
     RecordingChoice,
     Sand,
     Scene,
@@ -31,6 +34,8 @@ from gasp_core import (
     Snow,
     SphereShape,
     SplatObject,
+    Swing,
+    Wave,
     Wind,
     load_scene,
     scene_to_toml,
@@ -89,6 +94,13 @@ def test_the_scene_of_the_design(write):
     assert scene.accuracy == EngineAccuracy(resolution=64)
 
 
+SWUNG = 'kind = "swing", axis = [0, 1, 0], pivot = [0, 0, 0], amplitude = 3, frequency = 1'
+
+
+def moving(keys):
+    return DESIGN.replace("[[collider]]", "motion = { " + keys + " }\n[[collider]]")
+
+
 REFUSED = {
     "unknown top key": ("gravty = 3\n" + DESIGN, ["gravty", "unknown key", "collider, domain"]),
     "unknown key": (DESIGN.replace("height = 0.4", "heigth = 0.4"), ["object[0].heigth", 'did you mean "height"']),
@@ -144,6 +156,33 @@ REFUSED = {
     ),
     "drive without region": (DESIGN + '[[drive]]\nkind = "pinned"\n', ["drive[0].region", "missing"]),
     "empty window": (DESIGN + "[[wind]]\nstart = 2\nend = 1\n", ["wind[0].end", "start"]),
+    "no such motion": (moving('kind = "bendd"'), ["object[0].motion.kind", 'did you mean "bend"']),
+    "motion without a kind": (moving("rate = 1"), ["object[0].motion.kind", "missing", "frames"]),
+    "no such key of a motion": (moving('kind = "frames", fps = 5'), ["object[0].motion.fps", "frame_rate"]),
+    "no such composition": (
+        moving('kind = "frames", composition = "melted"'),
+        ["object[0].motion.composition", '"carried", "frozen"', "melted"],
+    ),
+    "velocity twice": (
+        moving('kind = "frames", start_velocity = true'),
+        ["object[0].motion.start_velocity", "keeps its velocity"],
+    ),
+    "no time between frames": (moving('kind = "frames", frame_rate = 0'), ["object[0].motion.frame_rate", "> 0"]),
+    "no function": (moving('kind = "python"'), ["object[0].motion.function", "missing"]),
+    "function of no module": (moving('kind = "python", function = "sway"'), ["motion.function", "module:function"]),
+    "function as a number": (moving('kind = "python", function = 3'), ["motion.function", "must be a text", "3"]),
+    "span backwards": (moving('kind = "python", function = "a:b", span = [2, 1]'), ["motion.span", "not after"]),
+    "bend without an axis": (moving('kind = "bend", amplitude = 3'), ["object[0].motion.axis", "missing"]),
+    "axis without direction": (moving(SWUNG.replace("[0, 1, 0]", "[0, 0, 0]")), ["motion.axis", "zero vector"]),
+    "no frequency": (moving(SWUNG.replace("frequency = 1", "frequency = 0")), ["motion.frequency", "> 0"]),
+    "motion of what is static": (
+        moving(SWUNG).replace("reduction = {", "static = true\nreduction = {").replace("material = {", "# {"),
+        ["object[0].motion", "no meaning with static"],
+    ),
+    "region of what is carried": (
+        moving(SWUNG + ' }\nregion = { shape = "sphere", center = [0, 0, 0], radius = 1'),
+        ["object[0].motion", "region", "frozen"],
+    ),
     "inside out domain": (DESIGN + "[domain]\nlower = [1,1,1]\nupper = [0,0,0]\n", ["domain.upper"]),
 }
 
@@ -185,6 +224,8 @@ def test_a_splat_may_be_a_folder_or_an_absolute_path(write, tmp_path):
     assert scene.objects[0].splat == tmp_path / "plant.splat"
 
 
+MUD = Fluid(density=1500.0, bulk_modulus=1e5)
+
 EVERYTHING = Scene(
     duration=1.25,
     frame_rate=24.0,
@@ -214,6 +255,19 @@ EVERYTHING = Scene(
             height=2.0,
         ),
         SplatObject(name="ground", splat=Path("/d"), static=True),
+        *(
+            SplatObject(name=f"moving {index}", splat=Path("/e"), material=MUD, motion=motion)
+            for index, motion in enumerate(
+                (
+                    FrameSequence(frame_rate=12.5, start=0.2, rate=-1.0, composition="frozen", start_velocity=False),
+                    PythonMotion(function="/some/where/sway.py:sway", span=(0.5, 2.0), step=0.01),
+                    PythonMotion(function="package.module:psi", composition="frozen"),
+                    Swing(axis=(0.0, 1.0, 0.0), pivot=(1.0, 2.0, 3.0), amplitude=-5.0, frequency=2.0, phase=90.0),
+                    Bend(axis=(1.0, 0.0, 0.0), pivot=(0.0,) * 3, amplitude=3.0, frequency=1.0, length=0.5),
+                    Wave(axis=(0.0, 0.0, 1.0), amplitude=0.1, frequency=2.0, wavelength=3.0, direction=(1.0, 0.0, 0.0)),
+                )
+            )
+        ),
     ),
     colliders=(
         Collider(shape=HalfSpace(point=(0.0, 0.0, 1.0), normal=(0.0, 1.0, 0.0)), friction=0.3),
@@ -243,6 +297,29 @@ def reread(scene: Scene) -> Scene:
 
 def test_a_scene_survives_its_own_text():
     assert reread(EVERYTHING) == EVERYTHING
+
+
+def test_a_function_lies_beside_the_scene_file_or_is_installed(write, tmp_path):
+    moving = DESIGN.replace("[[collider]]", 'motion = { kind = "python", function = "sway:psi" }\n[[collider]]')
+    assert load_scene(write(moving)).objects[0].motion == PythonMotion(function="sway:psi")
+    (tmp_path / "sway.py").write_text("")
+    assert load_scene(write(moving)).objects[0].motion == PythonMotion(function=f"{tmp_path / 'sway.py'}:psi")
+
+
+def test_a_function_in_memory_stands_in_the_text_by_its_name(tmp_path):
+    item = SplatObject(name="a", splat=Path("/a"), material=MUD, motion=PythonMotion(function=lambda points, s: points))
+    again = reread(Scene(duration=1, frame_rate=1, objects=(item,))).objects[0].motion
+    assert isinstance(again, PythonMotion)
+    assert again.function == f"{__name__}:function"
+
+
+def test_paths_may_name_variables_of_the_environment(write, tmp_path, monkeypatch):
+    monkeypatch.setenv("GASP_TEST_FOLDER", str(tmp_path))
+    scene = load_scene(write(DESIGN.replace('"plant.splat"', '"$GASP_TEST_FOLDER/plant.splat"')))
+    assert scene.objects[0].splat == tmp_path / "plant.splat"
+    monkeypatch.delenv("GASP_TEST_FOLDER")
+    with pytest.raises(SceneError, match=r"no such file.*\$GASP_TEST_FOLDER"):
+        load_scene(write(DESIGN.replace('"plant.splat"', '"$GASP_TEST_FOLDER/plant.splat"')))
 
 
 @given(
