@@ -170,6 +170,12 @@ def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[Plac
     local = placed.gaussians.with_(means=placed.gaussians.means - origin)
     rest = to_simplices(local, vertices)
     motion = _motion_of(item, choice, gaussians, placed, rest)
+    last = motion.span[1]
+    if choice.start > last and choice.rate >= 0:
+        raise SceneError(
+            f'object "{item.name}": its motion would start = {choice.start:g} s, after its last, at {last:g} s:'
+            " nothing would move, start earlier"
+        )
     played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices)
     begun = _moved(local, rest, played.simplices(0.0), maps.covariance)
     at_start = replace(placed, gaussians=begun.with_(means=begun.means + origin))
