@@ -19,6 +19,10 @@ __all__ = ["SequenceMotion", "frame_files"]
 
 Array = NDArray[Any]
 
+_SAMPLE = 1000
+_FAR = 5.0
+"""Times the distance in the first frame: what grows so much in the median grows as no object does that stays one."""
+
 
 def frame_files(folder: Path) -> list[Path]:
     """The splats of a folder in the natural order of their names: 2 before 10; hidden files are left out.
@@ -66,6 +70,11 @@ class SequenceMotion:
     SplatFormatError
         Where a file is no splat, or has another number of Gaussians or another degree of harmonics than the first. All
         are looked at: a run that fails here fails before it began.
+
+    Attributes
+    ----------
+    note
+        A sentence for the user where rows do not seem to match; else nothing.
     """
 
     def __init__(self, files: list[Path], frame_rate: float, vertices: int) -> None:
@@ -74,8 +83,16 @@ class SequenceMotion:
         first = read_splat(files[0])
         self._count, self._degree = len(first), first.sh_degree
         self._edges = edge_axes(first.scales, vertices)
-        for file in files[1:]:
-            self._read(file)
+        pairs = _neighbours(first.means)
+        apart = [_distance(self._read(file).means, pairs) for file in files[1:]]
+        farthest = max(apart, default=0.0)
+        near = _distance(first.means, pairs)
+        self.note = (
+            f"Gaussians that are neighbours in {files[0].name} are {farthest / near:.0f} times as far apart in"
+            f" {files[1 + int(np.argmax(apart))].name}: rows seem not to be the same Gaussians in all frames"
+            if farthest > _FAR * near > 0
+            else ""
+        )
         # A run asks for two frames in turn, over and over.
         self._frame = lru_cache(maxsize=2)(self._simplices_of)
 
@@ -120,6 +137,24 @@ class SequenceMotion:
                     " frames are matched row by row and must be alike"
                 )
         return gaussians
+
+
+def _neighbours(means: Array) -> Array:
+    """Some rows (2, K), and the nearest other row of each."""
+    from scipy.spatial import KDTree
+
+    rows = np.flatnonzero(np.isfinite(means).all(axis=1))
+    if len(rows) < 2:
+        return np.zeros((2, 0), dtype=np.int64)
+    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), _SAMPLE)).astype(np.int64)]
+    tree: Any = KDTree(means[rows])
+    return np.stack([some, rows[tree.query(means[some], k=[2])[1][:, 0]]])
+
+
+def _distance(means: Array, pairs: Array) -> float:
+    """Median distance of pairs of rows (2, K)."""
+    distances = np.linalg.norm(means[pairs[0]] - means[pairs[1]], axis=1)
+    return float(np.median(distances)) if len(distances) else 0.0
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

@@ -161,7 +161,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
                 points=slice(start, start + len(points)),
                 block=block,
                 carrier=sample.carrier,
-                notes=sample.notes,
+                notes=(*([motion.note] if motion and motion.note else []), *sample.notes),
                 drift=drift if carried else None,
             )
         )

@@ -390,6 +390,17 @@ def test_velocity_of_frames(record, frames, cloud):
     np.testing.assert_allclose(engine.velocities.reshape(40, 4, 3)[:, 0], expected, atol=1e-5)
 
 
+def test_rows_that_are_not_the_same_gaussians_are_worth_a_word(record, frames, cloud):
+    splat = cloud(400)
+    folder = frames(splat)
+    said = "not to be the same Gaussians"
+    assert not [note for note in record(folder, SEQUENCE).notes if said in note]
+    shuffled = splat.select(np.random.default_rng(1).permutation(400))
+    write_splat(folder / "f10.ply", shuffled)
+    (note,) = [note for note in record(folder, SEQUENCE).notes if said in note]
+    assert "f10.ply" in note
+
+
 def other_count(folder, splat):
     write_splat(folder / "f10.ply", splat.select(range(39)))
 
