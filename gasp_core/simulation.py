@@ -322,7 +322,7 @@ class _Run:
             self._scene.time_of(frame),
             relative=relative,
             means=means,
-            drifts=drifts,
+            drifts=self._untold(drifts),
             velocities=state.velocities if self._writer.keeps_velocities else None,
             degenerate=degenerate,
             diagnostics={
@@ -361,7 +361,7 @@ class _Run:
             0.0,
             relative=relative,
             means=np.zeros((len(self._assembly.bodies), 3)),
-            drifts=drifts,
+            drifts=self._untold(drifts),
             velocities=points.initial_velocities if self._writer.keeps_velocities else None,
             degenerate=degenerate,
             diagnostics={
@@ -382,6 +382,11 @@ class _Run:
         """How far each body has moved by itself; None for those that do not."""
         time = self._scene.time_of(frame)
         return [None if body.drift is None else body.drift.at(time) for body in self._assembly.bodies]
+
+    def _untold(self, drifts: Sequence[Array | None]) -> list[Array]:
+        return [
+            drift for body, drift in zip(self._assembly.bodies, drifts) if drift is not None and _drifts_untold(body)
+        ]
 
     def _shapes(self, frame: int, relative: Array, drifts: Sequence[Array | None]) -> tuple[list[Array], int]:
         """For each body, simplices without a frame and the last in which they had one; the number of clipped ones."""
@@ -647,12 +652,23 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
         reference=_drawn(prepared.objects),
         moving=np.concatenate([placed.moving for placed in prepared.objects]),
         points=prepared.assembly.problem.points.reference_positions,
-        carriers=[body.carrier.arrays() for body in prepared.assembly.bodies],
-        drifting=sum(body.block.rest.size // 3 for body in prepared.assembly.bodies if body.drift is not None),
+        carriers=[_kept(body) for body in prepared.assembly.bodies],
+        drifting=sum(body.block.rest.size // 3 for body in prepared.assembly.bodies if _drifts_untold(body)),
         frames_wanted=scene.frame_count,
         velocities=scene.recording.velocities,
         overwrite=overwrite,
     )
+
+
+def _kept(body: Body) -> dict[str, Array]:
+    """What a recording keeps of a body: how its points carry it, and what its motion is a formula of."""
+    unmoved = None if body.drift is None else body.drift.unmoved
+    return {**body.carrier.arrays(), **({} if unmoved is None else {"unmoved": unmoved})}
+
+
+def _drifts_untold(body: Body) -> bool:
+    """Whether a body moves by itself in a way that no formula tells, so that each frame has to."""
+    return body.drift is not None and body.drift.unmoved is None
 
 
 def _temporary() -> Path:

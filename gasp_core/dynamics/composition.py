@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.dynamics.analytic import analytic_motion
+from gasp_core.dynamics.analytic import AnalyticMotion, analytic_motion
 from gasp_core.dynamics.callables import CallableMotion
 from gasp_core.dynamics.motion import PlacedMotion, SceneMotion, velocities
 from gasp_core.dynamics.sequence import SequenceMotion, frame_files
@@ -108,6 +108,40 @@ class Drift:
     rows: Array
     start: Array
     mixing: Array
+
+    @property
+    def unmoved(self) -> Array | None:
+        """What a formula is applied to, (N, V, 3) [m]: all that is needed to have the drift again; None without one."""
+        motion = self.played.motion
+        return motion.rest[self.rows] if isinstance(motion, AnalyticMotion) else None
+
+    @classmethod
+    def again(cls, name: str, choice: Motion, unmoved: Array, origin: Array, rest: Array) -> Drift:
+        """Of a body with a formula, as it was before.
+
+        Parameters
+        ----------
+        name
+            Of the object.
+        choice
+            Its motion.
+        unmoved : (N, V, 3) [m]
+            As it gave it.
+        origin : (3,) [m]
+            Where the splat's origin was put.
+        rest : (N, V, 3) [m]
+            Simplices at the start.
+
+        Raises
+        ------
+        SceneError
+            Where the motion has no formula.
+        """
+        motion = analytic_motion(choice, unmoved, origin)
+        if motion is None:
+            raise SceneError(f'object "{name}": a motion of kind "{choice.kind}" has no formula')
+        played = Played(name=name, choice=choice, motion=motion, vertices=4 if unmoved.shape[1] == 4 else 3)
+        return cls.of(played, np.ones(len(unmoved), dtype=bool), rest)
 
     @classmethod
     def of(cls, played: Played, moving: Array, rest: Array) -> Drift:

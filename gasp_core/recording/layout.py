@@ -12,6 +12,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
 | ``frames/drifts`` | (T, D, 3) float32, how far simplices have moved by themselves, see `gasp_core.dynamics` [m] |
+| ``bodies/<i>/unmoved`` | (N, V, 3) float64, instead, what the formula in the scene is applied to [m] |
 | ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
 | ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``; at most two |
 | ``status`` | attributes: state, reason, frames wanted |

@@ -10,12 +10,13 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.dynamics.composition import Drift
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
 from gasp_core.recording.lock import locked
-from gasp_core.reduction.all_vertices import Vertices, block_of
+from gasp_core.reduction.all_vertices import Block, Vertices, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.carrier import Carrier
 from gasp_core.reduction.cores import Levels
@@ -172,16 +173,27 @@ class Recording:
             item = self.header.objects[entry.item]
             rows = item.first + np.flatnonzero(self.moving[item.first : item.last])
             vertices: Literal[3, 4] = 4 if entry.vertices == 4 else 3
+            block = block_of(self.reference.select(rows), vertices)
             found.append(
                 Body(
                     name=item.name,
                     rows=rows,
                     points=slice(entry.first, entry.last),
-                    block=block_of(self.reference.select(rows), vertices),
+                    block=block,
                     carrier=self._carrier(index, entry.carrier),
+                    drift=self._drift(index, item.name, block) if entry.drifts else None,
                 )
             )
         return tuple(found)
+
+    def _drift(self, index: int, name: str, block: Block) -> Drift | None:
+        """The motion of a body that has a formula."""
+        if f"bodies/{index}/unmoved" not in self._store:
+            return None
+        choice = next(item.motion for item in self.scene.objects if item.name == name)
+        assert choice is not None, "the scene of a recording says what drifts in it"
+        unmoved = self._array(f"bodies/{index}/unmoved")
+        return Drift.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
     def _carrier(self, index: int, kind: str) -> Carrier:
         kinds: dict[str, type[Vertices | Levels]] = {Vertices.kind: Vertices, Levels.kind: Levels}
@@ -308,17 +320,19 @@ class Recording:
 
     def _drifts(self, commit: Commit) -> list[Array | None]:
         """For each body (N, V, 3) [m], how far it has moved by itself, as `drifted` takes it; None: it does not."""
-        shapes_of = [
-            body.block.rest.shape if entry.drifts else None for body, entry in zip(self.bodies, self.header.bodies)
-        ]
-        if not any(shapes_of):
-            return [None for _ in shapes_of]
-        rest = self._frame_array("drifts", commit)
+        kept: Array | None = None
+        first = 0
         drifts: list[Array | None] = []
-        for shape in shapes_of:
-            count = 0 if shape is None else shape[0] * shape[1]
-            drifts.append(None if shape is None else rest[:count].reshape(shape))
-            rest = rest[count:]
+        for body, entry in zip(self.bodies, self.header.bodies):
+            if not entry.drifts:
+                drifts.append(None)
+            elif body.drift is not None:
+                drifts.append(body.drift.at(commit.time))
+            else:
+                kept = self._frame_array("drifts", commit) if kept is None else kept
+                last = first + body.block.rest.size // 3
+                drifts.append(kept[first:last].reshape(body.block.rest.shape))
+                first = last
         return drifts
 
     @cached_property

@@ -70,7 +70,7 @@ class RecordingWriter:
     ) -> RecordingWriter:
         """Begin a recording; it appears under its name with all but the frames in it.
 
-        `drifting` is the number of vertices that move by themselves.
+        `drifting` is the number of vertices that move by themselves, but for those that do by a formula.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class RecordingWriter:
         velocities: Array | None,
         degenerate: Sequence[Array],
         diagnostics: Mapping[str, Any],
-        drifts: Sequence[Array | None] = (),
+        drifts: Sequence[Array] = (),
     ) -> None:
         """Write a frame; it is on disk and visible when this returns, and neither before.
 
@@ -162,8 +162,8 @@ class RecordingWriter:
         diagnostics
             JSON values.
         drifts
-            For each body (N, V, 3) [m], how far it has moved by itself, as `gasp_core.dynamics.composition.drifted`
-            takes it; None for those that do not.
+            For each body that moves by itself and not by a formula (N, V, 3) [m], how far it has, as
+            `gasp_core.dynamics.composition.drifted` takes it.
 
         Raises
         ------
@@ -172,7 +172,7 @@ class RecordingWriter:
         """
         try:
             chunks: dict[str, int] = {}
-            drifted = [drift.reshape(-1, 3) for drift in drifts if drift is not None]
+            drifted = [drift.reshape(-1, 3) for drift in drifts]
             given = {"displacements": relative, "velocities": velocities}
             given["drifts"] = np.concatenate(drifted) if drifted else None
             for name, array in self._frames.items():

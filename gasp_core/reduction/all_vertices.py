@@ -111,7 +111,8 @@ class Vertices:
     @classmethod
     def of(cls, arrays: Mapping[str, Array]) -> Vertices:
         """From what `arrays` gave."""
-        fit = {name.removeprefix("gradients/"): array for name, array in arrays.items() if name != "magnification"}
+        head = "gradients/"
+        fit = {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
         return cls(factors=arrays["magnification"], gradients=LeastSquares(**fit) if fit else None)
 
 

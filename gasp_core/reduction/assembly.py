@@ -47,8 +47,8 @@ class Body:
     notes
         Sentences for the user about the reduction, without their subject; none in a body read from a recording.
     drift
-        How it moves by itself while it is simulated; None where it does not, and in a body read from a recording, which
-        knows of every frame how far it went.
+        How it moves by itself while it is simulated; None where it does not, and in a body read from a recording that
+        keeps of every frame how far it went.
     """
 
     name: str

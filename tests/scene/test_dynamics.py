@@ -591,18 +591,29 @@ def test_recordings_from_before_anything_moved_by_itself_are_read(run, scene_of,
     np.testing.assert_array_equal(found.means, expected.means)
 
 
+FLOW = PythonMotion(function=flow, start=0.1)
+FLOWING = {"flowing": 25, "flowing too": 35}
+
+
+def test_a_formula_is_kept_and_not_what_it_gives(record, cloud):
+    run = record(cloud(60), SWING)
+    assert not (run.path / "frames" / "drifts").exists()
+    assert (record(cloud(60), FLOW).path / "frames" / "drifts").exists()
+
+
 def test_a_static_object_beside_one_that_moves_by_itself(record, cloud, scene_of, ballistic, tmp_path):
-    """Two bodies of which one drifts: each has its own rows."""
+    """Bodies that drift by formulas, by functions, and not at all: each has its own rows."""
     scene = scene_of(cloud(30), duration=TIME, gravity=(0, 0, 0))
     first = scene.objects[0]
     second = dataclasses.replace(first, name="swinging", splat=cloud(50, seed=3), motion=SWING)
     third = dataclasses.replace(first, name="waving", splat=cloud(20, seed=4), motion=WAVE, vertices=3)
-    scene = dataclasses.replace(scene, objects=(second, first, third))
+    flows = [dataclasses.replace(first, name=n, splat=cloud(c, seed=c), motion=FLOW) for n, c in FLOWING.items()]
+    scene = dataclasses.replace(scene, objects=(flows[0], second, first, flows[1], third))
     engine = (ballistic.descriptor(checkpoints=False, fields=frozenset()), Known())
     run = simulate(scene, engine=engine, out=tmp_path / "three.gasp", progress=False)
     simplices = run.simplices(run.frame_count - 1)
     assert_alike(simplices["thing"], to_simplices(first.splat, 4), 1e-9)
-    for item, count in ((second, 4), (third, 3)):
+    for item, count in ((second, 4), (third, 3), (flows[0], 4), (flows[1], 4)):
         s = item.motion.start + item.motion.rate * TIME
         assert_alike(simplices[item.name], expected_psi(item.motion, to_simplices(item.splat, count), s), 1e-6)
 
