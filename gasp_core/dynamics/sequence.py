@@ -54,8 +54,8 @@ class SequenceMotion:
 
     Between two frames every vertex goes along a straight line at constant speed, the interpolation that is natural to
     simplices: means and edges are linear in time. What turns by an angle a from one frame to the next is thinner by a
-    factor cos(a / 2) halfway. The k-th axis of a row must be the same axis of the matter in all frames: sorted anew in one
-    of them it shrinks to nothing on the way there. Colours and opacities are those of the first frame.
+    factor cos(a / 2) halfway. The k-th axis of a row must be the same axis of the matter in all frames: one sorted anew
+    shrinks to nothing on the way there. Colours and opacities are those of the first frame.
 
     Parameters
     ----------
