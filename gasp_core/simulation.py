@@ -500,16 +500,15 @@ def _version(distribution: str) -> str:
 
 
 def _source(item: SplatObject) -> tuple[Gaussians, str]:
-    """The Gaussians of an object and the digest of where they come from."""
-    digest = hashlib.sha256()
+    """The Gaussians of an object, of frames those of the first, and the digest of where they and psi come from."""
     if isinstance(item.motion, PythonMotion):
-        digest.update(function_digest(item.motion.function).encode())
+        gaussians, own = _source(dataclasses.replace(item, motion=None))
+        return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
     if isinstance(item.splat, Gaussians):
-        own = gaussians_digest(item.splat)
-        digest.update(own.encode())
-        return item.splat, digest.hexdigest() if isinstance(item.motion, PythonMotion) else own
-    sequence = isinstance(item.motion, FrameSequence)
-    gaussians = read_splat(frame_files(item.splat)[0] if sequence else item.splat)
+        return item.splat, gaussians_digest(item.splat)
+    first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
+    gaussians = read_splat(first)
+    digest = hashlib.sha256()
     files = sorted(item.splat.rglob("*")) if item.splat.is_dir() else [item.splat]
     for file in files:
         if file.is_file():
@@ -662,13 +661,15 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
 
 def _kept(body: Body) -> dict[str, Array]:
     """What a recording keeps of a body: how its points carry it, and what its motion is a formula of."""
-    unmoved = None if body.drift is None else body.drift.unmoved
-    return {**body.carrier.arrays(), **({} if unmoved is None else {"unmoved": unmoved})}
+    kept = dict(body.carrier.arrays())
+    if body.drift is not None and body.drift.has_formula:
+        kept["unmoved"] = body.drift.unmoved
+    return kept
 
 
 def _drifts_untold(body: Body) -> bool:
     """Whether a body moves by itself in a way that no formula tells, so that each frame has to."""
-    return body.drift is not None and body.drift.unmoved is None
+    return body.drift is not None and not body.drift.has_formula
 
 
 def _temporary() -> Path:

@@ -110,10 +110,16 @@ class Drift:
     mixing: Array
 
     @property
-    def unmoved(self) -> Array | None:
-        """What a formula is applied to, (N, V, 3) [m]: all that is needed to have the drift again; None without one."""
+    def has_formula(self) -> bool:
+        """Whether `unmoved` is all that is needed to have it again."""
+        return isinstance(self.played.motion, AnalyticMotion)
+
+    @property
+    def unmoved(self) -> Array:
+        """What its formula is applied to, (N, V, 3) [m]."""
         motion = self.played.motion
-        return motion.rest[self.rows] if isinstance(motion, AnalyticMotion) else None
+        assert isinstance(motion, AnalyticMotion), "only what has a formula"
+        return motion.rest[self.rows]
 
     @classmethod
     def again(cls, name: str, choice: Motion, unmoved: Array, origin: Array, rest: Array) -> Drift:
