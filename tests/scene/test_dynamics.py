@@ -25,6 +25,7 @@ from gasp_core import (
     simulate,
     write_splat,
 )
+from gasp_core.dynamics.callables import CallableMotion
 from gasp_core.engine.contract import PointState, Status, StepReport
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.games import to_simplices
@@ -515,6 +516,9 @@ def test_a_function_may_work_in_place_and_give_the_same_array_again(record, clou
         kept[:] = points
         return kept
 
+    motion = CallableMotion(PythonMotion(function=lazy), to_simplices(splat, 4))
+    first, second = motion.simplices(0.0), motion.simplices(1.0)
+    assert_alike(second, first + 1, 1e-9)
     run = record(splat, PythonMotion(function=lazy))
     expected = to_simplices(splat, 4) + TIME
     assert_alike(run.simplices(run.frame_count - 1)["thing"], expected, 1e-6)
