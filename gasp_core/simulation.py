@@ -39,6 +39,7 @@ from gasp_core.engine.contract import (
 from gasp_core.engine.detector import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 from gasp_core.engine.options import build_options
 from gasp_core.engine.registry import discover
+from gasp_core.engine.starts import starts_inside
 from gasp_core.engine.worker.session import Limits
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError, SceneError
 from gasp_core.games import FLATNESS, flatten
@@ -559,6 +560,8 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
         notes += placed.set_aside.sentences(placed.item.name)
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
+    inside = starts_inside(assembly.problem, assembly.spacing)
+    notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(
         gasp_version=_version("gasp-core"),
         scene=scene_to_toml(scene),

@@ -103,6 +103,18 @@ def test_static_and_dropped_gaussians(cloud, scene_of, run, tmp_path):
     assert list(recording.simplices(10)) == ["thing"]
 
 
+def test_what_starts_within_a_collider_is_told(cloud, scene_of, run, tmp_path):
+    scene = scene_of(cloud(50))
+    floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
+    recording = run(dataclasses.replace(scene, colliders=(floor,)), tmp_path / "a.gasp", frames=2)
+    depth = -recording.start_points[:, 2]
+    inside = int((depth > 0.5 * recording.header.spacing).sum())
+    assert 0 < inside < len(depth)
+    (note,) = (note for note in recording.notes if "inside collider" in note)
+    assert note.startswith(f'object "thing": {inside} points, ')
+    assert f"start inside collider 1 (plane), the deepest by {depth.max():.3g} m" in note
+
+
 def test_a_body_far_out_keeps_the_shape_of_its_small_parts(cloud, scene_of, run, tmp_path):
     """At 1e4 m a float32 has a spacing of 1 mm; displacements less their mean know these edges to 1e-3 all the same."""
     splat = cloud(50)

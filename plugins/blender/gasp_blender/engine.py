@@ -15,7 +15,6 @@ from gasp_blender.notices import notices
 from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
-from gasp_blender.starts import starts_inside
 from gasp_blender.struck import Struck
 from gasp_blender.studio import studio
 from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
@@ -59,10 +58,9 @@ class Blender:
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
         spacing = accuracy.spacing_for(problem.points)
         rows = rigid_rows(problem)
-        told = [*starts_inside(problem, spacing)]
         build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
         matter = build(problem, spacing, chosen.voxels)
-        told += notices(problem, matter, spacing, chosen.voxels)
+        told = [*notices(problem, matter, spacing, chosen.voxels)]
         longest = _longest_step(matter, len(rows) > 0, accuracy)
         parts: list[tuple[Array, Elastic | RigidBodies]] = []
         struck = Struck(problem)

@@ -12,7 +12,6 @@ from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.engine.stability import refuse_unstable_substep
 from gasp_core.errors import EngineEnvironmentError
 from gasp_genesis_mpm.session import GenesisSession
-from gasp_genesis_mpm.starts import starts_inside
 
 __all__ = ["GenesisMpm"]
 
@@ -58,5 +57,4 @@ class GenesisMpm:
         """
         spacing = accuracy.spacing_for(problem.points)
         refuse_unstable_substep(problem, spacing, accuracy)
-        notes = () if restart is not None else tuple(starts_inside(problem, spacing))
-        return GenesisSession(problem, spacing, accuracy, restart, notes)
+        return GenesisSession(problem, spacing, accuracy, restart)

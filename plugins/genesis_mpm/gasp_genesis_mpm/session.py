@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -44,7 +44,6 @@ class GenesisSession(SteppedSession[Performance]):
         spacing: float,
         accuracy: EngineAccuracy,
         restart: Mapping[str, Array] | None,
-        notes: Sequence[str] = (),
     ) -> None:
         self._spacing = spacing
         self._origin = grid_node(problem, spacing)
@@ -56,7 +55,7 @@ class GenesisSession(SteppedSession[Performance]):
             performance = Performance(problem, spacing, self._origin, start.motion, start.window)
         except TooWideError as error:
             raise SceneError(f"genesis-mpm: {self._too_wide(error)}") from error
-        super().__init__(problem, performance, engine="genesis-mpm", accuracy=accuracy, time=start.time, notes=notes)
+        super().__init__(problem, performance, engine="genesis-mpm", accuracy=accuracy, time=start.time)
 
     def _begin(self, end: float) -> None:
         self._inverted = 0
