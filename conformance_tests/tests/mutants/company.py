@@ -47,7 +47,7 @@ class Linked(Session):
             self.engine.open_sessions.pop().close()
 
 
-@mutant("closing-closes-all", {"side-by-side": "raised ValueError: the session is closed"})
+@mutant("closing-closes-all", {"side-by-side": "raised ValueError: reference-mpm: the session is closed"})
 class ClosingClosesAll(Mutant):
     """The first session to close takes the backend away from all others."""
 
@@ -92,7 +92,7 @@ class ClosingOnce(Session):
         super().close()
 
 
-@mutant("closes-once", {"close-twice": "raised ValueError: the session is closed"})
+@mutant("closes-once", {"close-twice": "raised ValueError: reference-mpm: the session is closed"})
 class ClosesOnce(Mutant):
     """Closing again is an error."""
 
