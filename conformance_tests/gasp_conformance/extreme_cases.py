@@ -20,7 +20,7 @@ from gasp_conformance.bounds import rounding
 from gasp_conformance.clouds import box_of_points, cloud_of, jittered
 from gasp_conformance.observables import damped_oscillation
 from gasp_conformance.specimens import NO_GRAVITY, plain_material
-from gasp_conformance.subject import Subject
+from gasp_conformance.subject import Journal, Subject
 from gasp_conformance.watched_runs import WatchedRun, watch_run
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Status
 from gasp_core.engine.detector import inspect, watch_over
@@ -179,10 +179,11 @@ def beam_swings(subject: Subject, poissons_ratio: float, cells: int) -> tuple[fl
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Meeting:
     """Largest change of total momentum, over the heavy body's; mean speed of the light one after, over the heavy one's
-    before."""
+    before; substeps of all of it."""
 
     momentum_error: float
     light_speed: float
+    substeps: int
 
 
 def _pair(subject: Subject, ratio: float, gap: float, velocity: float, **scene: Any) -> PointProblem:
@@ -213,11 +214,12 @@ def heavy_meets_light(subject: Subject, ratio: float) -> Meeting:
     start = masses @ problem.points.initial_velocities
     error, after = 0.0, 0.0
     times = np.linspace(0, 2 * gap / velocity, 21)[1:]
-    for state in subject.states(problem, EngineAccuracy(spacing=0.5), times, {Field.VELOCITIES}):
+    journal = Journal()
+    for state in subject.states(problem, EngineAccuracy(spacing=0.5), times, {Field.VELOCITIES}, journal):
         change = masses @ state.velocities - start
         error = max(error, float(np.linalg.norm(change) / np.linalg.norm(start)))
         after = -float(state.velocities[light, 2].mean()) / velocity
-    return Meeting(momentum_error=error, light_speed=after)
+    return Meeting(momentum_error=error, light_speed=after, substeps=journal.substep_count)
 
 
 def heavy_on_light(subject: Subject, ratio: float) -> WatchedRun:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gasp_conformance import extreme_cases as cases
-from gasp_conformance.bounds import rounding
+from gasp_conformance.bounds import rounding, unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.random_batch import run_batch
@@ -94,8 +94,12 @@ def test_very_near_incompressible(subject: Subject, ledger: Ledger) -> None:
 def test_density_ratio(subject: Subject, ledger: Ledger) -> None:
     """Matter ten thousand times as dense as what it meets."""
     meeting = cases.heavy_meets_light(subject, 1e4)
-    # Contact goes through what both share, where action is reaction: rounding alone.
-    ledger.at_most("density-ratio", "momentum error", meeting.momentum_error, 1e-12 if subject.is_double else 1e-5)
+    # Contact goes through what both share, where action is reaction: rounding alone. Each substep stores each velocity,
+    # to half a unit in its last place, and in thousands of substeps that adds up; the few of an implicit engine leave
+    # more as they are solved.
+    least = 1e-12 if subject.is_double else 1e-5
+    bound = max(least, meeting.substeps * unit_roundoff(subject))
+    ledger.at_most("density-ratio", "momentum error", meeting.momentum_error, bound)
     # (1 + e) M / (M + m) with a restitution e from 0 to 1, and 2 % for the swaying of both.
     ledger.at_least("density-ratio", "speed of the light one / the heavy one's", meeting.light_speed, 0.98)
     ledger.at_most("density-ratio", "speed of the light one / the heavy one's", meeting.light_speed, 2.02)
