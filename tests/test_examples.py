@@ -29,6 +29,7 @@ def examples(tmp_path_factory):
 def test_scene(name, examples, monkeypatch):
     if "$GASP_DATA" in (examples / name).read_text():
         if not DATA.is_dir():
+            # Trained splats are no part of the repository.
             pytest.skip(f"no real splats at {DATA} (set GASP_DATA)")
         monkeypatch.setenv("GASP_DATA", str(DATA.absolute()))
     scene = gasp.load_scene(examples / name)
