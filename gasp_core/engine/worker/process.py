@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from gasp_core.engine.worker.lines import PROTOCOL, Inbox, Message, send
+from gasp_core.engine.worker.obituary import ending, tail
 from gasp_core.engine.worker.parcels import Block
 from gasp_core.errors import EngineCrashedError, EngineEnvironmentError
 
@@ -22,8 +23,6 @@ _PATIENCE = 5.0
 """Seconds a worker may take to end once it is asked to."""
 _GLANCE = 0.25
 """Seconds between looks at whether it lives. Its channel tells at once, unless a process it forked holds that open."""
-_TAIL_BYTES = 8192
-_TAIL_LINES = 8
 _OWN_FOLDER = str(Path(__file__).parent)
 
 
@@ -140,8 +139,9 @@ class WorkerProcess:
     def crash(self, what: str) -> EngineCrashedError:
         """The error for a worker that is of no more use, which is ended; its log is kept."""
         self._kill()
-        tail = _tail(self.log)
-        said = f", which ends: {tail}" if tail else " (empty)"
+        # Of a traceback, the frames that are the same every time say nothing.
+        last = tail(self.log, without=[_OWN_FOLDER])
+        said = f", which ends: {last}" if last else " (empty)"
         self._obituary = f'engine "{self.name}" {what}; log of its worker: {self.log}{said}'
         return EngineCrashedError(self._obituary)
 
@@ -183,7 +183,7 @@ class WorkerProcess:
             status = self._process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
             return self.crash(f"closed its channel while {doing}")
-        return self.crash(f"{_ending(status)} while {doing}")
+        return self.crash(f"{ending(status)} while {doing}")
 
     def _kill(self) -> None:
         """Kill it and what it started, which is all in one group."""
@@ -197,28 +197,3 @@ class WorkerProcess:
         if self._inbox.join(_PATIENCE):
             self._from.close()
         self.block.close()
-
-
-def _ending(status: int) -> str:
-    if status >= 0:
-        return f"ended by itself with status {status}"
-    try:
-        name = signal.Signals(-status).name
-    except ValueError:
-        name = f"signal {-status}"
-    hint = ", perhaps for lack of memory" if name == "SIGKILL" else ""
-    return f"was killed by {name}{hint}"
-
-
-def _tail(log: Path) -> str:
-    """The last lines of a log, in one."""
-    try:
-        with log.open("rb") as stream:
-            stream.seek(max(0, log.stat().st_size - _TAIL_BYTES))
-            text = stream.read().decode(errors="replace")
-    except OSError:
-        return ""
-    lines = [" ".join(line.split()) for line in text.splitlines() if line.strip()]
-    # Of a traceback, the frames that are the same every time say nothing.
-    lines = [line for line in lines if _OWN_FOLDER not in line and not line.startswith("Extension modules:")]
-    return " | ".join(lines[-_TAIL_LINES:])
