@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gasp_core.engine.contract import StepReport
 
 __all__ = [
+    "AccuracyError",
     "DuplicateEngineError",
     "EngineCrashedError",
     "EngineDivergedError",
@@ -102,3 +103,7 @@ class RecordingError(GaspError):
 
 class RenderingError(GaspError):
     """A picture or film cannot be made, or pictures cannot be compared."""
+
+
+class AccuracyError(GaspError):
+    """An error cannot be measured: recordings that do not belong together, or a truth that is none."""
