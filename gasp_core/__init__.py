@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gasp_core.comparison import Comparison, compare
     from gasp_core.engine.contract import EngineAccuracy, Precision
     from gasp_core.engine.forcing import (
         Collider,
@@ -61,6 +62,7 @@ __all__ = [
     "BoxShape",
     "CameraChoice",
     "Collider",
+    "Comparison",
     "ContactCondition",
     "Domain",
     "DomainPolicy",
@@ -96,6 +98,7 @@ __all__ = [
     "Swing",
     "Wave",
     "Wind",
+    "compare",
     "load_scene",
     "read_splat",
     "render",
@@ -105,6 +108,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "gasp_core.comparison": "Comparison compare",
     "gasp_core.engine.contract": "EngineAccuracy Precision",
     "gasp_core.engine.forcing": "Collider ContactCondition Domain DomainPolicy Driven Impulse Pinned Side Wind",
     "gasp_core.engine.materials": "Elastic Fluid Foam Metal NeoHookean Plasticine Rigid Sand Snow",

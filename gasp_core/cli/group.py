@@ -16,6 +16,7 @@ BUILT_IN = {
     "run": ("gasp_core.cli.run:run", "Simulate a scene and keep its frames."),
     "demo": ("gasp_core.cli.demo:demo", "Drop a soft toy, without any data of your own."),
     "render": ("gasp_core.cli.render:render", "Show a run as a film, pictures, or a sheet of key frames."),
+    "compare": ("gasp_core.cli.compare:compare", "Run a scene with several engines and show how far apart they are."),
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
     "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
