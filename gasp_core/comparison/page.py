@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import functools
 import importlib.metadata
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -56,9 +57,10 @@ def page_of(comparison: Comparison, curves: Mapping[str, RunCurves]) -> str:
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
-    machine.filters["figures"] = _figures
+    machine.filters |= {"figures": _figures, "decibels": _decibels}
     return machine.get_template("page.html.jinja").render(
         comparison=comparison,
+        reasons=[row for row in comparison.rows if row.outcome.reason],
         looks=looks,
         marks=_MARKS,
         films=films,
@@ -127,7 +129,11 @@ def _figures(value: float) -> str:
         return "0"
     if not 1e-3 <= abs(value) < 1e6:
         return f"{value:.2g}"
-    return np.format_float_positional(value, precision=3 if abs(value) < 100 else 0, fractional=False, trim="-")
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
+
+
+def _decibels(value: float) -> str:
+    return "∞" if math.isinf(value) else f"{value:.1f}"
 
 
 @functools.cache

@@ -17,8 +17,8 @@ Array = NDArray[Any]
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Of Okabe and Ito, told apart by eyes of every kind; without yellow, which white swallows."""
 _DASHES = ("solid", (0, (5, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
-_SIZE = (4.6, 2.9)
-"""Inches; at 9 points, text is still read where a telephone shows that at its whole width."""
+_SIZE = (3.8, 2.6)
+"""Inches; at 9 points, text is read where a telephone shows that at its whole width."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def plot(lines: Mapping[str, Line], looks: Mapping[str, Look], *, x: str, y: str
         axes.set_ylabel(y)
         axes.grid(color="#dddddd", linewidth=0.6)
         axes.set_axisbelow(True)
-        figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=8, handlelength=2.6)
+        figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=8, handlelength=2.4, columnspacing=1.0)
         stream = io.StringIO()
         FigureCanvasSVG(figure).print_svg(stream, metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     return _embedded(stream.getvalue(), says)
