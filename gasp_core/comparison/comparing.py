@@ -23,7 +23,8 @@ from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
-from gasp_core.runs import Outcome, Run
+from gasp_core.rendering.camera import check_size
+from gasp_core.runs import Outcome, Run, check_limits
 from gasp_core.scene.model import Scene
 from gasp_core.simulation import prepare
 
@@ -81,11 +82,15 @@ def compare(
         Where no plugin that is installed offers one of them, or none is ready.
     RecordingError
         Where something is in `out` already, or it cannot be written.
+    RenderingError
+        Where no picture can have that size.
     """
     names = chosen_engines(engines)
     if resolution is not None:
         scene = dataclasses.replace(scene, accuracy=dataclasses.replace(scene.accuracy, resolution=resolution))
-    # Before anything is started or removed: what is wrong with the scene is wrong for all.
+    # Before anything is started or removed: what is wrong with these is wrong for all.
+    check_limits(at_once, time_limit)
+    check_size(*size)
     masses = prepare(scene).assembly.problem.masses
     folder = Path(out)
     runs = runs_of(scene, names, folder)

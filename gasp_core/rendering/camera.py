@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
 
-__all__ = ["LARGEST_SIDE", "Camera", "look_at"]
+__all__ = ["LARGEST_SIDE", "Camera", "check_size", "look_at"]
 
 Array = NDArray[Any]
 
@@ -24,6 +24,19 @@ _BAND = 2**16
 
 _ORTHOGONAL = 1e-3
 """Largest entry of R R^T - 1 of a rotation read from a file with few digits."""
+
+
+def check_size(width: Any, height: Any) -> None:
+    """Refuse a size [px] that no picture can have.
+
+    Raises
+    ------
+    RenderingError
+        Where that is so.
+    """
+    for name, size in (("width", width), ("height", height)):
+        if not isinstance(size, (int, np.integer)) or not 1 <= size <= LARGEST_SIDE:
+            raise RenderingError(f"a picture's {name} must be 1 to {LARGEST_SIDE} pixels, found {size!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,10 +76,7 @@ class Camera:
     near: float = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("width", "height"):
-            size: Any = getattr(self, name)
-            if not isinstance(size, (int, np.integer)) or not 1 <= size <= LARGEST_SIDE:
-                raise RenderingError(f"a picture's {name} must be 1 to {LARGEST_SIDE} pixels, found {size!r}")
+        check_size(self.width, self.height)
         for name in ("focal_x", "focal_y", "near"):
             value = float(getattr(self, name))
             if not (math.isfinite(value) and value > 0):

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from gasp_core.runs.outcome import Ending, Outcome, Run
-from gasp_core.runs.together import carry_out
+from gasp_core.runs.together import carry_out, check_limits
 
-__all__ = ["Ending", "Outcome", "Run", "carry_out"]
+__all__ = ["Ending", "Outcome", "Run", "carry_out", "check_limits"]

@@ -19,7 +19,7 @@ from gasp_core.errors import EngineEnvironmentError, RecordingError, SceneError
 from gasp_core.runs.keeper import Surroundings, keep, surroundings
 from gasp_core.runs.outcome import Ending, Outcome, Run
 
-__all__ = ["carry_out"]
+__all__ = ["carry_out", "check_limits"]
 
 
 def carry_out(
@@ -61,10 +61,7 @@ def carry_out(
     """
     if os.name != "posix":
         raise EngineEnvironmentError(f"runs in processes of their own need Linux or macOS, and this is {sys.platform}")
-    if at_once < 1:
-        raise SceneError(f"at_once must be at least 1, found {at_once!r}")
-    if time_limit is not None and not 0 < time_limit < float("inf"):
-        raise SceneError(f"time_limit must be a number of seconds > 0, found {time_limit!r}")
+    check_limits(at_once, time_limit)
     if not runs:
         return []
     runs = [dataclasses.replace(run, out=Path(run.out).absolute()) for run in runs]
@@ -80,6 +77,20 @@ def carry_out(
             if finished is not None:
                 finished(outcome)
     return [outcomes.get(index) or _lost(run) for index, run in enumerate(runs)]
+
+
+def check_limits(at_once: int, time_limit: float | None) -> None:
+    """Refuse what `carry_out` would, for those who have something to do before.
+
+    Raises
+    ------
+    SceneError
+        Where a number is impossible.
+    """
+    if at_once < 1:
+        raise SceneError(f"at_once must be at least 1, found {at_once!r}")
+    if time_limit is not None and not 0 < time_limit < float("inf"):
+        raise SceneError(f"time_limit must be a number of seconds > 0, found {time_limit!r}")
 
 
 @contextmanager
