@@ -73,18 +73,23 @@ def compare(
     from gasp_core import load_scene
     from gasp_core.errors import AccuracyError
 
-    found = carry_out(
-        load_scene(scene),
-        None if engines is None else [name.strip() for name in engines.split(",") if name.strip()],
-        Path(scene.stem + ".compare") if out is None else out,
-        name=scene.stem,
-        resolution=resolution,
-        at_once=jobs,
-        time_limit=time_limit,
-        size=size,
-        overwrite=overwrite,
-        progress=False if as_json else None,
-    )
+    folder = Path(scene.stem + ".compare") if out is None else out
+    try:
+        found = carry_out(
+            load_scene(scene),
+            None if engines is None else [name.strip() for name in engines.split(",") if name.strip()],
+            folder,
+            name=scene.stem,
+            resolution=resolution,
+            at_once=jobs,
+            time_limit=time_limit,
+            size=size,
+            overwrite=overwrite,
+            progress=False if as_json else None,
+        )
+    except KeyboardInterrupt:
+        kept = f"stopped; the frames so far are kept in {folder}" if any(folder.glob("*.gasp")) else "stopped"
+        raise KeyboardInterrupt(kept) from None
     if as_json:
         print_json({"folder": str(found.folder), **found.to_json()})
     else:
