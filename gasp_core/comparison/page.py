@@ -60,6 +60,7 @@ def page_of(comparison: Comparison, curves: Mapping[str, RunCurves]) -> str:
     machine.filters |= {"figures": _figures, "decibels": _decibels}
     return machine.get_template("page.html.jinja").render(
         comparison=comparison,
+        matrix=_matrix(comparison) if len(comparison.pairs) > 1 else {},
         reasons=[row for row in comparison.rows if row.outcome.reason],
         looks=looks,
         marks=_MARKS,
@@ -78,6 +79,16 @@ def _film(row: Row, comparison: Comparison) -> _Film:
     frames = row.outcome.frame_count
     ends = f"{(frames - 1) / comparison.frame_rate:.2f} s" if frames < comparison.frames_wanted else ""
     return _Film(engine=row.engine, base64=base64.b64encode(row.film.read_bytes()).decode(), short=ends)
+
+
+def _matrix(comparison: Comparison) -> dict[str, list[float | None]]:
+    """Shares of the RMS distances of each engine that has frames from every other; None where there is none."""
+    shares = {
+        frozenset((pair.first, pair.second)): None if pair.distance is None else pair.distance.rms_share
+        for pair in comparison.pairs
+    }
+    names = [row.engine for row in comparison.rows if any(row.engine in pair for pair in shares)]
+    return {name: [shares.get(frozenset((name, other))) for other in names] for name in names}
 
 
 def _plots(curves: Mapping[str, RunCurves], looks: Mapping[str, Look]) -> list[_Plot]:

@@ -25,6 +25,7 @@ from gasp_core.runs.timing import split_times
 
 __all__ = ["Surroundings", "keep", "surroundings"]
 
+_CORE = str(Path(child.__file__).parents[1])
 _GLANCE = 0.01
 """Seconds between looks at the process."""
 _LINGER = 10.0
@@ -179,7 +180,8 @@ def _judged(folder: Path, verdict: str, status: int | None, time_limit: float | 
         what = "was ended, as nobody waits for it any more"
     else:
         what = f"its process {how_it_ended(status or 0)}"
-    said = tail(folder / child.OUTPUT)
+    # Of where it fell, the last eight lines would be our own loop.
+    said = tail(folder / child.OUTPUT, without=[_CORE, "<frozen runpy>"])
     return Ending.CRASHED, f"{what}{f'; its output ends: {said}' if said else ''}"
 
 

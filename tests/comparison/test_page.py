@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import os
 import re
 import shutil
 import time
 
 import pytest
+
+from gasp_core.comparison.page import page_of
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -108,6 +112,29 @@ def test_it_fits_a_telephone(opened):
     shown = "[...document.querySelectorAll('video, svg, .player, h1, p, dl')]"
     assert page.evaluate(f"{shown}.every(it => it.getBoundingClientRect().right <= 400)")
     assert complaints == []
+
+
+def test_of_three_or_more_a_table_says_who_is_far_from_whom(whole):
+    (pair,) = whole.pairs
+    rows = tuple(dataclasses.replace(whole.rows[0], engine=name, film=None) for name in "abc")
+    far = dataclasses.replace(pair.distance, rms=0.5 * pair.distance.diagonal)
+    pairs = (
+        dataclasses.replace(pair, first="a", second="b"),
+        dataclasses.replace(pair, first="a", second="c", distance=far),
+        dataclasses.replace(pair, first="b", second="c", distance=None, likeness=None, reason="of <other> shapes"),
+    )
+    text = page_of(dataclasses.replace(whole, rows=rows, pairs=pairs), {})
+    table = re.search(r'<table id="matrix">.*?</table>', text, re.DOTALL)[0]
+    cells = [re.findall(r"<td>(.*?)</td>", line) for line in re.findall(r"<tr><td.*?</tr>", table)]
+    near = 100 * pair.distance.rms_share
+    for found, expected in zip(cells, (["", near, 50], [near, "", ""], [50, "", ""])):
+        assert len(found) == 3
+        for cell, value in zip(found, expected):
+            # Three figures are shown.
+            assert cell == value == "" or math.isclose(float(cell), value, rel_tol=5e-3)
+    assert "of &lt;other&gt; shapes" in text
+    assert "<video" not in text
+    assert "<svg" not in text
 
 
 def test_it_is_one_file_that_names_no_other(whole):
