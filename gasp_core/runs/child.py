@@ -46,6 +46,8 @@ def main() -> None:
     sys.argv[:] = ["gasp-run"]
     with (folder / STAMPS).open("w", buffering=1) as stamps:
         run: Run = pickle.loads((folder / RUN).read_bytes())
+        # It may hold a whole splat, and whoever would remove it may be killed.
+        (folder / RUN).unlink()
         ending, reason = _carried_out(run, _Stamps(stamps, run, guard))
     beside = folder / f"{ENDING}.part"
     beside.write_text(json.dumps({"ending": ending.value, "reason": reason}))
