@@ -160,17 +160,15 @@ def test_the_mass_is_that_of_all_points(levels):
 
 
 def test_a_core_has_the_mass_the_mean_and_the_covariance_of_its_cluster():
-    """One core for all: moments of the mixture, each Gaussian weighed by the volume of its vertices."""
+    """One core for all has the moments of all vertices, as the engine would have been given them."""
     splat = ball(50)
     item = SplatObject(name="a", splat=splat, material=JELLY, vertices=4)
-    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)])
-    weights = whole.problem.points.reference_volumes.reshape(50, 4).sum(axis=1)
+    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)]).problem.points
+    positions, weights = whole.reference_positions, whole.reference_volumes
     corners = assembled(splat, count=1, vertices=4).problem.points.reference_positions
-    mean = np.average(splat.means, axis=0, weights=weights)
-    offsets = splat.means - mean
-    expected = (offsets * weights[:, None]).T @ offsets / weights.sum()
-    expected += np.average(splat.covariances(), axis=0, weights=weights)
-    # Some fifty operations in double precision on numbers of order one.
+    mean = np.average(positions, axis=0, weights=weights)
+    expected = np.cov(positions.T, aweights=weights, bias=True)
+    # Some two hundred operations in double precision on numbers of order one.
     np.testing.assert_allclose(corners.mean(axis=0), mean, atol=1e-13)
     np.testing.assert_allclose(np.cov(corners.T, bias=True), expected, atol=1e-13)
 

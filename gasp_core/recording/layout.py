@@ -47,8 +47,9 @@ __all__ = [
 ]
 
 FORMAT = "gasp-recording"
-VERSION = 3
-"""1: a body has no `carrier`, it is "all". 2: nor `drifts`, it never does."""
+VERSION = 4
+"""1: a body has no `carrier`, it is "all". 2: nor `drifts`, it never does. 3: nor a fit its `order`, it is that of the
+rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

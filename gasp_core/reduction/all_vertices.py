@@ -113,7 +113,7 @@ class Vertices:
         """From what `arrays` gave."""
         head = "gradients/"
         fit = {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
-        return cls(factors=arrays["magnification"], gradients=LeastSquares(**fit) if fit else None)
+        return cls(factors=arrays["magnification"], gradients=LeastSquares.of(fit) if fit else None)
 
 
 def sample_all(block: Block, floor: float, spacing: float, *, drifts: bool = False) -> Sample:

@@ -125,7 +125,7 @@ class Levels:
             parts = {
                 name.removeprefix("transfer/"): array for name, array in own.items() if name.startswith("transfer/")
             }
-            transfer = LeastSquares(**parts) if "neighbours" in parts else OneFrame(**parts)
+            transfer = LeastSquares.of(parts) if "neighbours" in parts else OneFrame(**parts)
             levels.append(Level(cores=Cores(points=own["points"]), transfer=transfer))
         return cls(levels=tuple(levels))
 
@@ -151,26 +151,29 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
         equally: the mass is that of `all`, however few cores there are.
     """
     simplices, _ = magnify(block.rest, floor)
-    vertex_volumes = cell_volumes(simplices.reshape(-1, 3) + block.centre, spacing)
-    volumes = vertex_volumes.reshape(len(simplices), -1).sum(axis=1)
-    means, covariances = block.local.means.astype(np.float64), block.local.covariances()
+    count, vertices = simplices.shape[:2]
+    corners = simplices.reshape(-1, 3)
+    shares = cell_volumes(corners + block.centre, spacing)
+    cells = round(float(shares.sum()) / spacing**3)
+    volumes, means, covariances = scatter(corners, np.repeat(np.arange(count), vertices), shares)
+    places = block.local.means.astype(np.float64)
     levels: list[Level] = []
-    for count in _counts(len(means), reduction.cores_of(len(means)), reduction.levels or 1):
-        labels = cluster(means, count)
+    for number in _counts(count, reduction.cores_of(count), reduction.levels or 1):
+        labels = cluster(places, number)
         own_volumes, own_means, between = scatter(means, labels, volumes)
         own_covariances = between + _averages(covariances, labels, volumes)
         cores = Cores(points=_corners(own_means, own_covariances, floor))
         if reduction.transfer == "frame":
             transfer: Transfer = OneFrame(labels=labels)
         else:
-            transfer = LeastSquares.build(cores, means, labels)
+            transfer = LeastSquares.build(cores, places, labels)
         levels.insert(0, Level(cores=cores, transfer=transfer))
-        volumes, means, covariances = own_volumes, own_means, own_covariances
+        volumes, means, covariances, places = own_volumes, own_means, own_covariances, own_means
     return Sample(
         positions=levels[0].cores.points.reshape(-1, 3),
         volumes=np.repeat(volumes / 4, 4),
         carrier=Levels(levels=tuple(levels)),
-        notes=_notes(levels, round(float(vertex_volumes.sum()) / spacing**3)),
+        notes=_notes(levels, cells),
     )
 
 

@@ -11,10 +11,12 @@ _parallel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, p
 
 COLUMNS = 16
 """Of the table of cores in `carry_affinely`: two cache lines a row, for the loop waits for memory."""
+_TAKEN = 128
+"""Rows at a time, which stay in the first cache."""
 
 
 @_parallel
-def carry_affinely(rest, cores, neighbours, weights, inverses, out, chunks):
+def carry_affinely(rest, cores, order, neighbours, weights, inverses, out, chunks):
     """out = rest + the affine fit to the neighbouring cores; see `transfer.LeastSquares`.
 
     A row of `cores`: mean displacement u, centre c, mean of u_v x_v^T over the corners row by row, and 1.
@@ -22,28 +24,57 @@ def carry_affinely(rest, cores, neighbours, weights, inverses, out, chunks):
     count, vertices = rest.shape[0], rest.shape[1]
     for chunk in numba.prange(chunks):
         sums = np.empty(COLUMNS)
-        for row in range(chunk * count // chunks, (chunk + 1) * count // chunks):
-            sums[:] = 0.0
-            for k in range(neighbours.shape[1]):
-                weight = numba.float64(weights[row, k])
-                core = cores[neighbours[row, k]]
-                for column in range(COLUMNS):
-                    sums[column] += weight * core[column]
-            # Weights in float32 add up to 1 but for rounding, which the difference of moments below would show.
-            share = 1 / sums[15]
-            p0, p1, p2 = share * sums[3], share * sums[4], share * sums[5]
-            for i in range(3):
-                shift = share * sums[i]
-                a0 = share * sums[6 + 3 * i] - shift * p0
-                a1 = share * sums[7 + 3 * i] - shift * p1
-                a2 = share * sums[8 + 3 * i] - shift * p2
-                xx, xy, xz = inverses[row, 0], inverses[row, 1], inverses[row, 2]
-                yy, yz, zz = inverses[row, 3], inverses[row, 4], inverses[row, 5]
-                g0, g1, g2 = a0 * xx + a1 * xy + a2 * xz, a0 * xy + a1 * yy + a2 * yz, a0 * xz + a1 * yz + a2 * zz
+        taken = np.empty((_TAKEN, vertices, 3))
+        last = (chunk + 1) * count // chunks
+        for first in range(chunk * count // chunks, last, _TAKEN):
+            rows = order[first : min(first + _TAKEN, last)]
+            # Rows lie anywhere: read and written in loops that do nothing else, many are under way at a time.
+            for place in range(len(rows)):
                 for vertex in range(vertices):
-                    x, y, z = rest[row, vertex, 0], rest[row, vertex, 1], rest[row, vertex, 2]
-                    moved = shift + g0 * (x - p0) + g1 * (y - p1) + g2 * (z - p2)
-                    out[row, vertex, i] = rest[row, vertex, i] + moved
+                    for i in range(3):
+                        taken[place, vertex, i] = rest[rows[place], vertex, i]
+            for place in range(len(rows)):
+                index = first + place
+                sums[:] = 0.0
+                for k in range(neighbours.shape[1]):
+                    weight = numba.float64(weights[index, k])
+                    core = cores[neighbours[index, k]]
+                    for column in range(COLUMNS):
+                        sums[column] += weight * core[column]
+                # Weights in float32 add up to 1 but for rounding, which the difference of moments below would show.
+                share = 1 / sums[15]
+                p0, p1, p2 = share * sums[3], share * sums[4], share * sums[5]
+                xx, xy, xz = inverses[index, 0], inverses[index, 1], inverses[index, 2]
+                yy, yz, zz = inverses[index, 3], inverses[index, 4], inverses[index, 5]
+                s0, s1, s2 = share * sums[0], share * sums[1], share * sums[2]
+                a0 = share * sums[6] - s0 * p0
+                a1 = share * sums[7] - s0 * p1
+                a2 = share * sums[8] - s0 * p2
+                g00 = a0 * xx + a1 * xy + a2 * xz
+                g01 = a0 * xy + a1 * yy + a2 * yz
+                g02 = a0 * xz + a1 * yz + a2 * zz
+                a0 = share * sums[9] - s1 * p0
+                a1 = share * sums[10] - s1 * p1
+                a2 = share * sums[11] - s1 * p2
+                g10 = a0 * xx + a1 * xy + a2 * xz
+                g11 = a0 * xy + a1 * yy + a2 * yz
+                g12 = a0 * xz + a1 * yz + a2 * zz
+                a0 = share * sums[12] - s2 * p0
+                a1 = share * sums[13] - s2 * p1
+                a2 = share * sums[14] - s2 * p2
+                g20 = a0 * xx + a1 * xy + a2 * xz
+                g21 = a0 * xy + a1 * yy + a2 * yz
+                g22 = a0 * xz + a1 * yz + a2 * zz
+                for vertex in range(vertices):
+                    x, y, z = taken[place, vertex, 0], taken[place, vertex, 1], taken[place, vertex, 2]
+                    q0, q1, q2 = x - p0, y - p1, z - p2
+                    taken[place, vertex, 0] = x + (s0 + g00 * q0 + g01 * q1 + g02 * q2)
+                    taken[place, vertex, 1] = y + (s1 + g10 * q0 + g11 * q1 + g12 * q2)
+                    taken[place, vertex, 2] = z + (s2 + g20 * q0 + g21 * q1 + g22 * q2)
+            for place in range(len(rows)):
+                for vertex in range(vertices):
+                    for i in range(3):
+                        out[rows[place], vertex, i] = taken[place, vertex, i]
 
 
 @_parallel

@@ -13,6 +13,7 @@ from gasp_core import jacobi
 from gasp_core.engine.threads import processors
 from gasp_core.games import polar_rotations
 from gasp_core.reduction import kernels
+from gasp_core.reduction.curve import along_a_curve
 
 __all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer"]
 
@@ -150,6 +151,9 @@ class LeastSquares:
     Parameters
     ----------
     labels : (N,)
+    order : (N,)
+        The rows that `neighbours`, `weights` and `inverses` are of: those close in space read the same cores, one
+        after the other.
     neighbours : (N, K) int32
         Nearest first.
     weights : (N, K) float32
@@ -163,6 +167,7 @@ class LeastSquares:
 
     kind: ClassVar[str] = "least-squares"
     labels: Array
+    order: Array
     neighbours: Array
     weights: Array
     inverses: Array
@@ -172,7 +177,8 @@ class LeastSquares:
     def build(cls, cores: Cores, means: Array, labels: Array) -> LeastSquares:
         """The operator for simplices with means (N, 3) [m], about the centre of the body, and these labels."""
         centres = cores.centres
-        neighbours, weights = _neighbourhoods(centres, means)
+        order = along_a_curve(means)
+        neighbours, weights = _neighbourhoods(centres, means[order])
         own = cores.moments
         inverses = np.zeros((len(means), 6))
         fallen: list[Array] = []
@@ -183,24 +189,30 @@ class LeastSquares:
             values[thin] = np.inf
             inverse = np.einsum("nik,nk,njk->nij", axes, 1 / values, axes)
             inverses[rows] = inverse[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
-            fallen.append(first + np.flatnonzero(thin))
+            fallen.append(order[rows][thin])
         return cls(
             labels=labels,
+            order=order,
             neighbours=neighbours.astype(np.int32),
             weights=weights,
             inverses=inverses,
             fallen=np.concatenate(fallen),
         )
 
+    @classmethod
+    def of(cls, arrays: Mapping[str, Array]) -> LeastSquares:
+        """From what `arrays` gave, now or when there was no `order` yet."""
+        return cls(**{"order": np.arange(len(arrays["labels"]), dtype=np.int32), **arrays})
+
     def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
         """See `Transfer`."""
         out = np.empty_like(rest)
         table = np.ones((len(cores), kernels.COLUMNS))
         table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
-        products = np.einsum("cvi,cvj->cij", displacements, cores.points) / cores.points.shape[1]
-        table[:, 6:15] = products.reshape(-1, 9)
+        products = displacements.transpose(0, 2, 1) @ cores.points
+        table[:, 6:15] = products.reshape(-1, 9) / cores.points.shape[1]
         chunks = jacobi.chunk_count(len(rest))
-        kernels.carry_affinely(rest, table, self.neighbours, self.weights, self.inverses, out, chunks)
+        kernels.carry_affinely(rest, table, self.order, self.neighbours, self.weights, self.inverses, out, chunks)
         if len(self.fallen):
             _carry_rigidly(cores, rest, displacements, self.labels, self.fallen, out)
         return out
@@ -209,6 +221,7 @@ class LeastSquares:
         """See `Transfer`."""
         return {
             "labels": self.labels,
+            "order": self.order,
             "neighbours": self.neighbours,
             "weights": self.weights,
             "inverses": self.inverses,

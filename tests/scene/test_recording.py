@@ -174,6 +174,23 @@ def test_a_recording_of_version_1_is_read_and_gone_on_with(scene_of, run, tmp_pa
     assert np.array_equal(again.gaussians(10).quaternions, whole.gaussians(10).quaternions)
 
 
+def test_a_fit_of_version_3_is_read(scene_of, run, tmp_path):
+    """Version 3 kept a fit in the order of the rows, and did not say so."""
+    import zarr
+
+    recorded = run(scene_of(reduction=Reduction(mode="cores", count=12)), tmp_path / "a.gasp", frames=3)
+    (body,) = recorded.bodies
+    fit = body.carrier.levels[0].transfer
+    assert not np.array_equal(fit.order, np.arange(len(fit.order)))
+    before = recorded.simplices(2)[body.name]
+    own = zarr.open_group(str(recorded.path / "bodies" / "0" / "levels" / "0" / "transfer"), mode="r+")
+    for name in ("neighbours", "weights", "inverses"):
+        own[name][...] = own[name][...][np.argsort(fit.order)]
+    shutil.rmtree(recorded.path / "bodies" / "0" / "levels" / "0" / "transfer" / "order")
+    edit(recorded.path / "zarr.json", lambda attributes: attributes.update(version=3))
+    assert np.array_equal(Recording.open(recorded.path).simplices(2)[body.name], before)
+
+
 def test_a_carrier_from_the_future_or_without_its_arrays_is_refused(scene_of, run, tmp_path):
     recorded = run(scene_of(reduction=Reduction(mode="cores", count=4)), tmp_path / "a.gasp", frames=2)
     shutil.rmtree(recorded.path / "bodies" / "0" / "levels" / "0" / "transfer" / "weights")
