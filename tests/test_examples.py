@@ -22,6 +22,7 @@ def examples(tmp_path_factory):
         if path.suffix in (".py", ".toml"):
             shutil.copy(path, folder)
     runpy.run_path(str(folder / "make_toy.py"), run_name="__main__")
+    runpy.run_path(str(folder / "vibrating_bar.py"), run_name="__main__")
     return folder
 
 

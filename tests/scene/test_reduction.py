@@ -40,6 +40,21 @@ def test_a_duplicate_splits_its_volume_and_far_apart_points_do_not_overflow():
     assert np.array_equal(cell_volumes(points, 1.0), [1.0, 0.5, 0.5])
 
 
+@pytest.mark.parametrize("cells", [1, 3, 7, 16, 48, 1000])
+@pytest.mark.parametrize("shift", [0.0, 0.1, -1e3])
+def test_what_lies_on_the_last_face_begins_no_new_cell(cells, shift):
+    """A bar has the length of its points however finely it is divided, 4,001 of them from end to end.
+
+    A double at 1e3 is known to 1e-13, far less than the billionth of a cell that counts as on the face.
+    """
+    bar = np.zeros((4001, 3))
+    bar[:, 0] = shift + np.linspace(0, 2.0, 4001)
+    spacing = 2.0 / cells
+    np.testing.assert_allclose(cell_volumes(bar, spacing).sum(), cells * spacing**3, rtol=1e-10)
+    beyond = np.concatenate([bar, bar[-1:] + [1e-3 * spacing, 0, 0]])
+    np.testing.assert_allclose(cell_volumes(beyond, spacing).sum(), (cells + 1) * spacing**3, rtol=1e-10)
+
+
 def test_rigid_velocities_turn_about_the_centre_of_volume(cloud):
     points = cloud().means
     volumes = np.random.default_rng(0).uniform(0.1, 1, size=len(points))
