@@ -17,6 +17,10 @@ BUILT_IN = {
     "demo": ("gasp_core.cli.demo:demo", "Drop a soft toy, without any data of your own."),
     "render": ("gasp_core.cli.render:render", "Show a run as a film, pictures, or a sheet of key frames."),
     "compare": ("gasp_core.cli.compare:compare", "Run a scene with several engines and show how far apart they are."),
+    "tradeoff": (
+        "gasp_core.cli.tradeoff:tradeoff",
+        "Measure error against time, and say which settings are worth it.",
+    ),
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
     "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
