@@ -21,7 +21,7 @@ YOUNGS_MODULUS = 1e4  # Pa
 AMPLITUDE = 0.01  # m
 SPEED_OF_SOUND = (YOUNGS_MODULUS / DENSITY) ** 0.5  # m/s: a period lasts 0.632 s
 
-COUNT = 8001  # 8000 steps along the bar
+COUNT = 4001  # 4000 steps along the bar
 WIDTH = LENGTH / 24  # m
 SIZE = LENGTH / 60  # m, of a Gaussian: a quarter of a cell or more from 15 cells along the bar on
 

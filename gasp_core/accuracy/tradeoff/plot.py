@@ -34,11 +34,13 @@ def pictures(tradeoff: Tradeoff) -> dict[str, bytes]:
 
 
 def _draw(axes: Any, tradeoff: Tradeoff) -> None:
+    from matplotlib.ticker import LogFormatter
+
     rows = [row for row in tradeoff.rows if row.error is not None]
     fractions = list(dict.fromkeys(row.setting.cores for row in rows))
     kinds = list(dict.fromkeys((row.setting.precision.value, row.setting.substep_fraction) for row in rows))
     several = len({substep for _, substep in kinds}) > 1
-    floor = min((row.error for row in rows if row.error), default=1e-6) / 10
+    floor = min((row.error for row in rows if row.error), default=1e-6) / 3
     shown: set[str] = set()
     for row in rows:
         assert row.error is not None and row.error_low is not None and row.error_high is not None
@@ -67,9 +69,13 @@ def _draw(axes: Any, tradeoff: Tradeoff) -> None:
     axes.set_title(
         f"{tradeoff.scene}, {tradeoff.engine['name']}: numbers are cells across, full ones are unbeaten", size=10
     )
-    axes.set_ylim(bottom=100 * floor)
+    axes.set_ylim(100 * floor, 150 * max(row.error_high or 0.0 for row in rows) or 1.0)
+    axes.margins(x=0.08)
+    for axis in (axes.xaxis, axes.yaxis):
+        for level in (axis.set_major_formatter, axis.set_minor_formatter):
+            level(LogFormatter(minor_thresholds=(2, 0.8)))
     axes.grid(which="both", alpha=0.2)
-    axes.legend(fontsize="small")
+    axes.legend(fontsize="small", loc="best")
 
 
 def _front(axes: Any, rows: list[Row]) -> None:
