@@ -38,7 +38,7 @@ def test_what_a_power_law_leaves_is_found(order, constant, cells):
     assume(coarse < middle < fine)
     h1, h2, h3 = 1 / coarse, 1 / middle, 1 / fine
     differences = [constant * (h1**order - h2**order), constant * (h2**order - h3**order)]
-    left = remainder_of((h1, h2, h3), *differences, 2.0)
+    left = remainder_of((h1, h2, h3), *differences, 0.0, 2.0)
     # Where two spacings are nearly one their difference keeps a few digits fewer.
     assert left.order == pytest.approx(order, abs=1e-6)
     assert left.safety == 1.25
@@ -50,22 +50,30 @@ def test_what_a_power_law_leaves_is_found(order, constant, cells):
 @pytest.mark.parametrize(("order", "expected"), [(1.0, 2.0), (3.0, 2.0), (0.3, 1.0), (2.0, 1.0)])
 def test_another_order_than_promised_is_trusted_less(order, expected):
     h = (1.5**2, 1.5, 1.0)
-    left = remainder_of(h, h[0] ** order - h[1] ** order, h[1] ** order - h[2] ** order, expected)
+    left = remainder_of(h, h[0] ** order - h[1] ** order, h[1] ** order - h[2] ** order, 0.0, expected)
     assert left.safety == 3.0
     assert left.value == pytest.approx(3 * (1.5**order - 1) / 0.5)
 
 
 def test_runs_that_do_not_draw_nearer_leave_the_larger_difference():
-    left = remainder_of((4.0, 2.0, 1.0), 1.0, 2.0, 2.0)
+    left = remainder_of((4.0, 2.0, 1.0), 1.0, 2.0, 0.0, 2.0)
     assert (left.order, left.safety, left.value) == (0.0, 3.0, 6.0)
-    left = remainder_of((4.0, 2.0, 1.0), 2.0, 1.9, 2.0)
+    left = remainder_of((4.0, 2.0, 1.0), 2.0, 1.9, 0.0, 2.0)
     assert left.order == pytest.approx(math.log2(2 / 1.9))
     assert left.value == pytest.approx(5.7)
-    assert remainder_of((4.0, 2.0, 1.0), 0.0, 0.0, 2.0).value == 0.0
-    assert remainder_of((4.0, 2.0, 1.0), 1.0, 0.0, 2.0).value == 0.0
+    assert remainder_of((4.0, 2.0, 1.0), 0.0, 0.0, 0.0, 2.0).value == 0.0
+    assert remainder_of((4.0, 2.0, 1.0), 1.0, 0.0, 0.0, 2.0).value == 0.0
     for wrong in ((1.0, 2.0, 3.0), (2.0, 2.0, 1.0), (2.0, 1.0, 0.0)):
         with pytest.raises(ValueError, match="must fall"):
-            remainder_of(wrong, 1.0, 1.0, 2.0)
+            remainder_of(wrong, 1.0, 1.0, 0.0, 2.0)
+
+
+def test_what_substeps_do_comes_on_top():
+    spacings = (4.0, 2.0, 1.0)
+    without = remainder_of(spacings, 12.0, 3.0, 0.0, 2.0)
+    with_them = remainder_of(spacings, 12.0, 3.0, 0.4, 2.0)
+    assert (without.value, without.substeps) == (pytest.approx(1.25), 0.0)
+    assert (with_them.value, with_them.substeps) == (pytest.approx(1.75), pytest.approx(0.5))
 
 
 def test_summary_of_few_and_of_many():
@@ -135,10 +143,10 @@ def test_default_resolutions():
 
 def test_the_ladder_is_finer_than_all_that_is_asked_for():
     steps = ladder(grid((8, 32), (0.1,), (SINGLE,), (0.7,)), (SINGLE, DOUBLE))
-    assert [step.resolution for step in steps] == [21, 32, 48]
-    assert {(step.fraction, step.precision, step.substep_fraction) for step in steps} == {(None, DOUBLE, 0.7)}
+    assert [(step.resolution, step.substep_fraction) for step in steps] == [(21, 0.7), (32, 0.7), (48, 0.7), (48, 0.35)]
+    assert {(step.fraction, step.precision) for step in steps} == {(None, DOUBLE)}
     assert ladder(grid((3,), (None,), (SINGLE,), (0.5,)), (SINGLE,))[-1].precision is SINGLE
-    assert [step.resolution for step in ladder(grid((3,), (None,), (SINGLE,), (0.5,)), (SINGLE,))] == [2, 3, 4]
+    assert [step.resolution for step in ladder(grid((3,), (None,), (SINGLE,), (0.5,)), (SINGLE,))] == [2, 3, 4, 4]
     with pytest.raises(AccuracyError, match="ask for at least 3"):
         ladder(grid((2,), (None,), (SINGLE,), (0.5,)), (SINGLE,))
 

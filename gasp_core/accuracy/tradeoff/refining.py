@@ -1,9 +1,10 @@
-"""Makes the finer run that settings are measured by, and the two that tell how far to trust it."""
+"""Makes the finer run that settings are measured by, and the three that tell how far to trust it."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from gasp_core.accuracy.tradeoff.richardson import remainder_of
@@ -18,15 +19,16 @@ from gasp_core.scene.model import Scene
 
 __all__ = ["RUNS", "expected_order", "ladder", "refine"]
 
-RUNS = 3
+RUNS = 4
 STEP = 1.5
 """Ratio of resolutions: 2 would be safer to take differences of, and cost three times as much."""
 
 
 def ladder(settings: Sequence[Setting], precisions: Sequence[Precision]) -> tuple[Setting, ...]:
-    """Three settings of all vertices, from coarse to fine; the finest is 1.5 times finer than any that is asked for.
+    """Settings of all vertices, from coarse to fine; the finest is 1.5 times finer than any that is asked for.
 
-    In float64 where the engine has it; at the first substep fraction that is asked for.
+    In float64 where the engine has it; three at the first substep fraction that is asked for, and the finest again at
+    half of that.
     """
     finest = max(setting.resolution for setting in settings)
     resolutions = [max(2, round(finest / STEP)), finest, max(round(finest * STEP), finest + 1)]
@@ -35,10 +37,11 @@ def ladder(settings: Sequence[Setting], precisions: Sequence[Precision]) -> tupl
             f"a finest resolution of {finest} leaves nothing coarser to estimate an error from: ask for at least 3"
         )
     precision = Precision.FLOAT64 if Precision.FLOAT64 in precisions else precisions[0]
-    return tuple(
+    steps = [
         Setting(resolution=resolution, precision=precision, substep_fraction=settings[0].substep_fraction)
         for resolution in resolutions
-    )
+    ]
+    return (*steps, replace(steps[-1], substep_fraction=steps[-1].substep_fraction / 2))
 
 
 def expected_order(scene: Scene) -> float:
@@ -56,7 +59,7 @@ def refine(
     time_limit: float | None,
     finished: Callable[[Outcome], None],
 ) -> Refined:
-    """Make the three runs of `ladder`; the recording of the finest is left in `folder`.
+    """Make the runs of `ladder`; the recording of the last is left in `folder`.
 
     Raises
     ------
@@ -71,18 +74,20 @@ def refine(
                 f"the truth cannot be made: all vertices at resolution {step.resolution} in {step.precision.value}"
                 f" {outcome.ending.value} ({outcome.reason}): ask for lower resolutions, or name a closed form as truth"
             )
-    coarse, middle, fine = (Recording.open(run.out) for run in runs)
+    coarse, middle, fine, halved = (Recording.open(run.out) for run in runs)
     left = remainder_of(
         (1 / steps[0].resolution, 1 / steps[1].resolution, 1 / steps[2].resolution),
         distance(coarse, middle).rms_share,
         distance(middle, fine).rms_share,
+        distance(fine, halved).rms_share,
         expected_order(scene),
     )
     for run in runs[:-1]:
         shutil.rmtree(run.out)
     return Refined(
-        recording=fine,
+        recording=halved,
         resolutions=(steps[0].resolution, steps[1].resolution, steps[2].resolution),
         precision=steps[-1].precision.value,
+        substep_fraction=steps[-1].substep_fraction,
         left=left,
     )

@@ -54,9 +54,11 @@ class Refined:
     recording
         Its frames.
     resolutions
-        Of the three runs that its own error was estimated from, the last its own.
+        Of the runs that its own error was estimated from, the last its own.
     precision
         Of all three.
+    substep_fraction
+        Its own, half of that of the three.
     left
         Its own error, in diagonals.
     """
@@ -64,6 +66,7 @@ class Refined:
     recording: Recording
     resolutions: tuple[int, int, int]
     precision: str
+    substep_fraction: float
     left: Remainder
 
     @property
@@ -83,14 +86,17 @@ class Refined:
             "kind": "refined",
             "resolutions": list(self.resolutions),
             "precision": self.precision,
+            "substep_fraction": self.substep_fraction,
             "order": self.left.order,
             "expected_order": self.left.expected_order,
             "safety": self.left.safety,
             "own_error_share": self.remainder,
+            "own_error_of_substeps": self.left.substeps,
             "sentence": (
-                f"errors are against all vertices at resolution {fine} in {self.precision}, which is itself within"
-                f" {100 * self.remainder:.2g} % of the diagonal of the limit: from resolutions {coarse}, {middle} and"
-                f" {fine}, {seen.format(self.left.order)}, safety {self.left.safety:g}"
+                f"errors are against all vertices at resolution {fine} in {self.precision} at a substep fraction of"
+                f" {self.substep_fraction:g}, itself within {100 * self.remainder:.2g} % of the diagonal of the limit:"
+                f" from resolutions {coarse}, {middle} and {fine}, {seen.format(self.left.order)}, safety"
+                f" {self.left.safety:g}, and {100 * self.left.substeps:.2g} % of it for the substeps"
             ),
         }
 
