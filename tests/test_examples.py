@@ -21,8 +21,8 @@ def examples(tmp_path_factory):
     for path in EXAMPLES.glob("*.*"):
         if path.suffix in (".py", ".toml"):
             shutil.copy(path, folder)
-    runpy.run_path(str(folder / "make_toy.py"), run_name="__main__")
-    runpy.run_path(str(folder / "vibrating_bar.py"), run_name="__main__")
+    for maker in ("make_toy.py", "make_ball.py", "vibrating_bar.py"):
+        runpy.run_path(str(folder / maker), run_name="__main__")
     return folder
 
 
