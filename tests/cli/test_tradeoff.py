@@ -107,6 +107,19 @@ def test_a_crash_is_a_row_and_where_all_crash_nothing_is_left(gasp, truth, insta
     assert sorted(path.name for path in truth.iterdir()) == before
 
 
+def test_what_is_there_already_is_not_touched(refused, gasp, truth):
+    mine = truth / "scene.tradeoff" / "recordings"
+    mine.mkdir(parents=True)
+    (mine / "vinyl.txt").write_text("all I have")
+    few = ("--resolutions", "8", "--fractions", "all", "--repeats", 1, "--truth", "truth.py:works_in_place")
+    refused("tradeoff", "scene.toml", *few, says=["is left from before"])
+    refused("tradeoff", "scene.toml", *few, "--overwrite", says=["vinyl.txt", "choose another --out"])
+    (mine / "vinyl.txt").rename(mine / "left.gasp")
+    outcome = gasp("tradeoff", "scene.toml", *few, "--overwrite")
+    assert outcome.status == 0
+    assert not mine.exists()
+
+
 @pytest.mark.parametrize("name", ["is_short", "is_nan", "fails"])
 def test_a_truth_that_is_none(gasp, truth, name):
     outcome = gasp(

@@ -26,6 +26,7 @@ from gasp_core.scene.model import Scene
 __all__ = ["ClosedForm", "Row", "Setting", "Tradeoff", "default_resolutions", "grid", "load_truth", "tradeoff"]
 
 _RESULT = "tradeoff"
+_TRUTH = "truth"
 
 
 def tradeoff(
@@ -94,7 +95,7 @@ def tradeoff(
         total = (0 if truth is not None else RUNS) + len(settings) * (1 + repeats)
         with counting(progress, "runs", total) as counted:
             measured_by = truth or refine(
-                scene, steps, recordings / "truth", time_limit=time_limit, finished=lambda outcome: counted()
+                scene, steps, recordings / _TRUTH, time_limit=time_limit, finished=lambda outcome: counted()
             )
             found = measure(
                 scene,
@@ -140,6 +141,11 @@ def _prepared(out: Path, overwrite: bool) -> Path:
     if recordings.exists():
         if not overwrite:
             raise RecordingError(f"{recordings}: is left from before: choose another --out, or say --overwrite")
+        strange = [path.name for path in recordings.iterdir() if not _is_ours(path)]
+        if strange:
+            raise RecordingError(
+                f"{recordings}: holds {strange[0]}, which is not of gasp tradeoff: choose another --out"
+            )
         shutil.rmtree(recordings)
     try:
         recordings.mkdir(parents=True)
@@ -148,6 +154,10 @@ def _prepared(out: Path, overwrite: bool) -> Path:
             f"{out}: cannot be written: {error.strerror or error}: choose a folder that is writable and has room"
         ) from None
     return recordings
+
+
+def _is_ours(path: Path) -> bool:
+    return path.suffix == ".gasp" or path.name == _TRUTH or path.name.startswith(".runs-")
 
 
 def _tidy(out: Path, recordings: Path, keep: bool) -> None:

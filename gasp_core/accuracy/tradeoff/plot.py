@@ -34,7 +34,7 @@ def pictures(tradeoff: Tradeoff) -> dict[str, bytes]:
 
 
 def _draw(axes: Any, tradeoff: Tradeoff) -> None:
-    from matplotlib.ticker import LogFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     rows = [row for row in tradeoff.rows if row.error is not None]
     fractions = list(dict.fromkeys(row.setting.cores for row in rows))
@@ -72,10 +72,15 @@ def _draw(axes: Any, tradeoff: Tradeoff) -> None:
     axes.set_ylim(100 * floor, 150 * max(row.error_high or 0.0 for row in rows) or 1.0)
     axes.margins(x=0.08)
     for axis in (axes.xaxis, axes.yaxis):
-        for level in (axis.set_major_formatter, axis.set_minor_formatter):
-            level(LogFormatter(minor_thresholds=(2, 0.8)))
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(_plain))
+        axis.set_minor_formatter(NullFormatter())
     axes.grid(which="both", alpha=0.2)
     axes.legend(fontsize="small", loc="best")
+
+
+def _plain(value: float, place: int | None) -> str:
+    return f"{value:g}"
 
 
 def _front(axes: Any, rows: list[Row]) -> None:
