@@ -9,7 +9,7 @@ import numpy as np
 
 import gasp_core as gasp
 
-ACROSS = 18  # Gaussians along the diameter
+ACROSS = 26  # Gaussians along the diameter
 
 axis = (np.arange(ACROSS) + 0.5) / ACROSS - 0.5
 points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -162,6 +162,19 @@ def test_contact_halves_the_order_that_is_expected():
     assert expected_order(dataclasses.replace(alone, objects=two)) == 1.0
 
 
+def test_a_hollow_splat_weighs_less_with_every_finer_grid():
+    """It fills the cells of its surface, so that no resolution is near a limit: the mass alone nearly halves."""
+    from gasp_core.simulation import prepare
+
+    masses = []
+    for resolution in (12, 24, 48):
+        hollow = dataclasses.replace(scene(), accuracy=EngineAccuracy(resolution=resolution))
+        toy = dataclasses.replace(hollow.objects[0], splat=make_toy(20_000))
+        prepared = prepare(dataclasses.replace(hollow, objects=(toy,)))
+        masses.append(prepared.assembly.problem.points.reference_volumes.sum())
+    assert masses[1] < 0.7 * masses[0] and masses[2] < 0.7 * masses[1]
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
