@@ -84,7 +84,7 @@ def table(result):
 
 
 def section(scene):
-    parts = [f"![{SCENES[scene]}: error over time, a panel an engine](accuracy-{scene}.svg)"]
+    parts = [f"![{SCENES[scene]}: error over processor time, a panel an engine](accuracy-{scene}.svg)"]
     for job in (job for job in JOBS if job.startswith(f"{scene}/")):
         folder, engine = BUILD / job, job.partition("/")[2]
         parts.append(f"### {engine}\n\n    {command_of(job)}")
@@ -115,6 +115,7 @@ def plot(scene):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     jobs = [job for job in JOBS if job.startswith(f"{scene}/") and (BUILD / job / "tradeoff.json").exists()]
     figure, panels = plt.subplots(2, 3, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained")
@@ -127,7 +128,7 @@ def plot(scene):
         kinds = list(dict.fromkeys((row["cores"], row["precision"]) for row in rows))
         for number, kind in enumerate(kinds):
             own = [row for row in rows if (row["cores"], row["precision"]) == kind]
-            time, error = ([row[key] for row in own] for key in ("run_seconds", "error_share"))
+            time, error = ([row[key] for row in own] for key in ("cpu_seconds", "error_share"))
             error = [100 * value for value in error]
             below = [value - 100 * max(row["error_low"], row["error_share"] / 50) for value, row in zip(error, own)]
             above = [100 * row["error_high"] - value for value, row in zip(error, own)]
@@ -137,13 +138,18 @@ def plot(scene):
             for row, place in zip(own, zip(time, error)):
                 axes.annotate(row["resolution"], place, xytext=(4, 4), textcoords="offset points", size=8)
         axes.set(xscale="log", yscale="log")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
         axes.set_title(job.partition("/")[2], size=10)
         axes.grid(which="both", alpha=0.2)
+        axes.tick_params(labelbottom=True)
         axes.legend(fontsize="x-small")
-    figure.supxlabel("time of the frames, without the start [s]", size=10)
+    figure.supxlabel("processor time of the frames, without the start [s]", size=10)
     figure.supylabel("error, rms over vertices and frames [% of the diagonal]", size=10)
     stream = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "gasp"}):
+    with matplotlib.rc_context({"svg.hashsalt": "gasp", "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     figure.savefig(BUILD / f"accuracy-{scene}.png", dpi=110)
     plt.close(figure)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import runpy
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gasp_core import Elastic, EngineAccuracy, EngineChoice, Reduction, Scene, SplatObject
+from gasp_core import Elastic, EngineAccuracy, EngineChoice, Reduction, Scene, SplatObject, read_splat
 from gasp_core.accuracy.tradeoff import default_resolutions, grid, load_truth
 from gasp_core.accuracy.tradeoff.refining import expected_order, ladder
 from gasp_core.accuracy.tradeoff.richardson import remainder_of
@@ -20,6 +23,7 @@ from gasp_core.engine.contract import Precision
 from gasp_core.errors import AccuracyError, SceneError
 from gasp_core.toy import make_toy
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SINGLE, DOUBLE = Precision.FLOAT32, Precision.FLOAT64
 
 
@@ -162,17 +166,31 @@ def test_contact_halves_the_order_that_is_expected():
     assert expected_order(dataclasses.replace(alone, objects=two)) == 1.0
 
 
-def test_a_hollow_splat_weighs_less_with_every_finer_grid():
-    """It fills the cells of its surface, so that no resolution is near a limit: the mass alone nearly halves."""
+def mass_at(splat, resolution) -> float:
+    """Volume [m^3] of an object 0.3 m high, as the engine has it."""
     from gasp_core.simulation import prepare
 
-    masses = []
-    for resolution in (12, 24, 48):
-        hollow = dataclasses.replace(scene(), accuracy=EngineAccuracy(resolution=resolution))
-        toy = dataclasses.replace(hollow.objects[0], splat=make_toy(20_000))
-        prepared = prepare(dataclasses.replace(hollow, objects=(toy,)))
-        masses.append(prepared.assembly.problem.points.reference_volumes.sum())
+    item = SplatObject(
+        name="a", splat=splat, height=0.3, material=Elastic(density=1, youngs_modulus=1, poissons_ratio=0)
+    )
+    whole = Scene(duration=1, frame_rate=1, objects=(item,), accuracy=EngineAccuracy(resolution=resolution))
+    return float(prepare(whole).assembly.problem.points.reference_volumes.sum())
+
+
+def test_a_hollow_splat_weighs_less_with_every_finer_grid():
+    """It fills the cells of its surface, so that no resolution is near a limit: the mass alone nearly halves."""
+    masses = [mass_at(make_toy(20_000), resolution) for resolution in (12, 24, 48)]
     assert masses[1] < 0.7 * masses[0] and masses[2] < 0.7 * masses[1]
+
+
+def test_a_filled_ball_weighs_too_much_by_half_a_cell_all_round(tmp_path):
+    """At order 1: twice the resolution halves what is too much, but for the steps of cells that a ball is made of."""
+    shutil.copy(EXAMPLES / "make_ball.py", tmp_path)
+    runpy.run_path(str(tmp_path / "make_ball.py"), run_name="__main__")
+    ball = read_splat(tmp_path / "ball.ply")
+    true = np.pi / 6 * 0.3**3
+    excess = [mass_at(ball, resolution) / true - 1 for resolution in (5, 10)]
+    assert 0.3 * excess[0] < excess[1] < 0.65 * excess[0]
 
 
 @pytest.mark.parametrize(
