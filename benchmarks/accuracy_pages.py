@@ -119,7 +119,7 @@ def plot(scene):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     jobs = [job for job in JOBS if job.startswith(f"{scene}/") and (BUILD / job / "tradeoff.json").exists()]
     figure, panels = plt.subplots(2, 3, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained")
@@ -145,9 +145,9 @@ def plot(scene):
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
+            axis.set_minor_locator(NullLocator())
         axes.set_title(job.partition("/")[2], size=10)
-        axes.grid(which="both", alpha=0.2)
+        axes.grid(alpha=0.2)
         axes.tick_params(labelbottom=True)
         axes.legend(fontsize="x-small")
     figure.supxlabel("processor time of the frames, without the start [s]", size=10)
