@@ -39,8 +39,12 @@ class Outcome:
 
 
 def everything_under(folder):
-    """Path, kind and content of all there is in a folder."""
-    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+    """Path, kind and content of all there is in a folder, less what Python keeps beside a file it imports."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in folder.rglob("*")
+        if "__pycache__" not in path.parts
+    }
 
 
 @pytest.fixture(scope="session")

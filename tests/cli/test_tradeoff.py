@@ -96,7 +96,7 @@ def test_a_crash_is_a_row_and_where_all_crash_nothing_is_left(gasp, truth, insta
     scene = truth / "scene.toml"
     text = scene.read_text()
     scene.write_text(text.replace("ballistic", "frail") + '[engine.options]\nfault = "segfault"\nfault_time = 0.06\n')
-    before = sorted(path.name for path in truth.iterdir())
+    before = {path.name for path in truth.iterdir()} | {"__pycache__"}
     few = ("--resolutions", "8", "--fractions", "all", "--repeats", 1)
     outcome = gasp("tradeoff", "scene.toml", *few, "--truth", "truth.py:falls")
     assert outcome.status == 2
@@ -104,7 +104,8 @@ def test_a_crash_is_a_row_and_where_all_crash_nothing_is_left(gasp, truth, insta
     outcome = gasp("tradeoff", "scene.toml", *few)
     assert outcome.status == 2
     assert "the truth cannot be made" in outcome.err and "closed form" in outcome.err
-    assert sorted(path.name for path in truth.iterdir()) == before
+    # Python may keep what it compiled beside truth.py.
+    assert {path.name for path in truth.iterdir()} <= before
 
 
 def test_what_is_there_already_is_not_touched(refused, gasp, truth):
