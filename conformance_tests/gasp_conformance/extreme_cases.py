@@ -485,13 +485,16 @@ def block_crushes_itself(subject: Subject, rates: ArrayLike) -> Crush:
 
 
 def _surely_inverted(gradients: Array, unit: float) -> bool:
-    """Whether det F <= 0 of any point in whatever order it is computed; a flat point has no sign but by chance.
+    """Whether det F <= 0 of any point in whatever order it is summed; where its terms cancel, the sign is chance.
 
-    Each of the six products of three numbers, and of the sums of these, rounds: two determinants of one F differ by
-    less than 2 x 8 u times the sum of the products' sizes, which is at most 6 (|F| / sqrt 3)^3, below 1.2 |F|^3.
+    a . (b x c) takes five roundings of each of its six products at most: two orders differ by less than 10 u times the
+    sum of the products' sizes.
     """
-    sizes = np.linalg.norm(gradients, axis=(1, 2))
-    return bool((np.linalg.det(gradients) < -20 * unit * sizes**3).any())
+    a, b, c = (gradients[:, row] for row in range(3))
+    determinants = np.einsum("pi,pi->p", a, np.cross(b, c))
+    left, right = (np.roll(np.abs(b), -k, axis=1) * np.roll(np.abs(c), -(3 - k), axis=1) for k in (1, 2))
+    sizes = np.einsum("pi,pi->p", np.abs(a), left + right)
+    return bool((determinants < -10 * unit * sizes).any())
 
 
 def _volume_ratio(state: PointState, size: Array) -> float:

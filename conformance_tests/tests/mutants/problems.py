@@ -393,9 +393,7 @@ class Silent(Session):
     {
         "domain:clamp": "what the edge held back has to be told",
         "domain-edge": "what the edge held back is not reported",
-        "inversion": "frames with inverted points untold",
     },
-    slow=["inversion"],
 )
 class KeepsWarningsToItself(Mutant):
     """What the domain's edge held back, and what was turned inside out, is not told."""
