@@ -24,6 +24,7 @@ def chromium():
     return own or next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+# A browser is no Python package and `make test` cannot install one; the numbers behind the page are tested without.
 needs_browser = pytest.mark.skipif(
     chromium() is None, reason=f"no browser: none of {', '.join(NAMES)} on PATH (set GASP_CHROMIUM)"
 )
