@@ -8,11 +8,12 @@ from gasp_core.engine.forcing import Collider, ContactCondition
 from gasp_core.engine.lattice import grid_node
 from gasp_core.engine.materials import Elastic
 from gasp_core.engine.shapes import HalfSpace
+from gasp_core.errors import SceneError
 
 SPACING = 0.1
 
 
-def problem_with(*colliders):
+def problem_with(*colliders, anchor=None):
     positions = np.array([[0.0, 0.0, 1.0], [0.4, 0.2, 1.6]])
     return PointProblem(
         points=PointCloud(
@@ -24,6 +25,7 @@ def problem_with(*colliders):
         ),
         materials=(Elastic(density=1, youngs_modulus=1, poissons_ratio=0.3),),
         colliders=colliders,
+        grid_anchor=anchor,
     )
 
 
@@ -45,3 +47,13 @@ def test_half_a_cell_off_a_plane_that_matter_may_leave():
     second = plane((-1, 0, 0), ContactCondition.STICK)
     slanted = plane((0, 1, 1), ContactCondition.STICK)
     np.testing.assert_allclose(grid_node(problem_with(first, second, slanted), SPACING), [0.08, 0.1, 1.3])
+
+
+def test_from_the_anchor_where_there_is_one_but_for_planes():
+    floor = plane((0, 0, 1), ContactCondition.STICK)
+    np.testing.assert_allclose(grid_node(problem_with(floor, anchor=(0.1, 0.7, 0.9)), SPACING), [0.1, 0.7, 0.03])
+
+
+def test_an_anchor_that_is_no_place():
+    with pytest.raises(SceneError, match="grid_anchor"):
+        problem_with(anchor=(0.0, float("nan"), 0.0))

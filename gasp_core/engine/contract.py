@@ -184,9 +184,15 @@ class PointProblem:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
     """None: no edge, as with `DomainPolicy.EXPAND`."""
+    grid_anchor: tuple[float, float, float] | None = None
+    """A place [m] that an engine lays its grid out from, `gasp_core.engine.lattice.grid_node`; None: the middle of the
+    points. Few points that stand for much matter reach less far than it does: laid out from them, the grid would lie
+    elsewhere for each choice of them."""
 
     def __post_init__(self) -> None:
         finite_vector(self, "gravity")
+        if self.grid_anchor is not None:
+            finite_vector(self, "grid_anchor")
         ids = self.points.material_ids
         if ids.min() < 0 or ids.max() >= len(self.materials):
             raise SceneError(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.games import choose_vertices, demagnify, lengthened, magnify, to_simplices
 from gasp_core.gaussians import Gaussians
-from gasp_core.reduction.carrier import Sample
+from gasp_core.reduction.carrier import Sample, bounds_of
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares
 
@@ -131,6 +131,7 @@ def sample_all(block: Block, floor: float, spacing: float, *, drifts: bool = Fal
         positions=points,
         volumes=cell_volumes(points + block.centre, spacing),
         carrier=Vertices(factors=factors, gradients=gradients),
+        bounds=bounds_of(points),
     )
 
 

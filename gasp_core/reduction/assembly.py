@@ -131,6 +131,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
     spacing = _spacing(scene, [placed for _, placed in moving], blocks)
     bodies: list[Body] = []
     columns: dict[str, list[Array]] = {}
+    bounds: list[Array] = []
     materials: list[Material] = []
     start = 0
     for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
@@ -165,7 +166,9 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
                 drift=drift if carried else None,
             )
         )
+        bounds.append(sample.bounds + block.centre)
         start += len(points)
+    x, y, z = (np.min(bounds, axis=(0, 1)) + np.max(bounds, axis=(0, 1))) / 2
     joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
     problem = PointProblem(
         points=PointCloud(**joined),
@@ -175,6 +178,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
+        grid_anchor=(float(x), float(y), float(z)),
     )
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
 

@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Carrier", "Sample"]
+__all__ = ["Carrier", "Sample", "bounds_of"]
 
 Array = NDArray[Any]
 
@@ -69,6 +70,8 @@ class Sample:
         > 0; in all, those of the cells that the body occupies. Times the density of its material: masses.
     carrier
         The way back.
+    bounds : (2, 3) [m]
+        Lowest and highest corner of the matter they stand for, about the centre of the body.
     notes
         Sentences for the user, without their subject.
     """
@@ -76,4 +79,10 @@ class Sample:
     positions: Array
     volumes: Array
     carrier: Carrier
+    bounds: Array
     notes: tuple[str, ...] = ()
+
+
+def bounds_of(points: Array) -> Array:
+    """Lowest and highest corner, (2, 3), of points (P, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
-from gasp_core.reduction.carrier import Sample
+from gasp_core.reduction.carrier import Sample, bounds_of
 from gasp_core.reduction.clusters import cluster, scatter
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
@@ -173,6 +173,7 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
         positions=levels[0].cores.points.reshape(-1, 3),
         volumes=np.repeat(volumes / 4, 4),
         carrier=Levels(levels=tuple(levels)),
+        bounds=bounds_of(corners),
         notes=_notes(levels, cells),
     )
 
