@@ -282,6 +282,26 @@ def test_a_carrier_comes_back_from_its_arrays():
 
 def test_eight_neighbours_where_there_are_eight():
     for count, expected in ((3, 3), (8, 8), (50, 8)):
-        transfer = assembled(ball(), count=count).bodies[0].carrier.levels[0].transfer
-        assert transfer.neighbours.shape == (600, expected)
+        body = assembled(ball(), count=count).bodies[0]
+        (level,) = body.carrier.levels
+        weights = level.transfer.weights
+        assert weights.shape == level.transfer.neighbours.shape == (600, NEIGHBOURS)
+        assert (weights[:, :expected] > 0).all() and not weights[:, expected:].any()
     assert NEIGHBOURS == 8
+
+
+def test_a_transfer_kept_with_as_many_columns_as_there_were_cores():
+    body = assembled(ball(), count=3).bodies[0]
+    kept = dict(body.carrier.arrays())
+    for name in ("neighbours", "weights"):
+        kept[f"levels/0/transfer/{name}"] = kept[f"levels/0/transfer/{name}"][:, :3]
+    moved = np.random.default_rng(0).normal(size=(12, 3))
+    expected = body.carrier.carry(body.block.rest, moved)
+    assert np.array_equal(Levels.of(kept).carry(body.block.rest, moved), expected)
+
+
+def test_rest_may_lie_in_memory_in_any_order():
+    body = assembled(ball(), count=20).bodies[0]
+    moved = np.random.default_rng(0).normal(size=(80, 3))
+    expected = body.carrier.carry(body.block.rest, moved)
+    assert np.array_equal(body.carrier.carry(np.asfortranarray(body.block.rest), moved), expected)

@@ -4,43 +4,120 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
+_float = numba.float64
+_function = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 _parallel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, parallel=True)
 
+NEIGHBOURS = 8
+"""Of every row, in `carry_affinely`."""
 COLUMNS = 16
 """Of the table of cores in `carry_affinely`: two cache lines a row, for the loop waits for memory."""
-_TAKEN = 128
+_TAKEN = 64
 """Rows at a time, which stay in the first cache."""
+_LINE = 64
+"""Bytes that memory is read in."""
+
+
+def _prefetch(write: int) -> Any:
+    """A compiled function of an address that has its cache line brought, to be read (0) or written (1).
+
+    Processors that know no such thing do nothing; https://llvm.org/docs/LangRef.html#llvm-prefetch-intrinsic.
+    """
+
+    @intrinsic
+    def prefetch(typing, address):
+        def generate(context, builder, signature, arguments):
+            number, byte = ir.IntType(32), ir.IntType(8).as_pointer()
+            kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+            # Kept in all caches (3), data (1).
+            options = [ir.Constant(number, value) for value in (write, 3, 1)]
+            builder.call(function, [builder.inttoptr(arguments[0], byte), *options])
+            return context.get_dummy_value()
+
+        return types.void(types.intp), generate
+
+    return prefetch
+
+
+_prefetch_read, _prefetch_write = _prefetch(0), _prefetch(1)
+
+
+@_function
+def _bring_to_read(address, size):
+    for offset in range(0, size, _LINE):
+        _prefetch_read(address + offset)
+    _prefetch_read(address + size - 1)
+
+
+@_function
+def _bring_to_write(address, size):
+    for offset in range(0, size, _LINE):
+        _prefetch_write(address + offset)
+    _prefetch_write(address + size - 1)
+
+
+@_parallel
+def affine_table(points, displacements, table, chunks):
+    """Rows for `carry_affinely` from the corners (C, V, 3) of cores and how far they are displaced."""
+    count, corners = points.shape[0], points.shape[1]
+    for chunk in numba.prange(chunks):
+        for core in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+            row = table[core]
+            row[:15] = 0.0
+            row[15] = 1.0
+            for v in range(corners):
+                for i in range(3):
+                    row[i] += displacements[core, v, i] / corners
+                    row[3 + i] += points[core, v, i] / corners
+                    for j in range(3):
+                        row[6 + 3 * i + j] += displacements[core, v, i] * points[core, v, j] / corners
 
 
 @_parallel
 def carry_affinely(rest, cores, order, neighbours, weights, inverses, out, chunks):
     """out = rest + the affine fit to the neighbouring cores; see `transfer.LeastSquares`.
 
-    A row of `cores`: mean displacement u, centre c, mean of u_v x_v^T over the corners row by row, and 1.
+    A row of `cores`: mean displacement u, centre c, mean of u_v x_v^T over the corners row by row, and 1. `rest` and
+    `out` lie in memory row after row.
     """
     count, vertices = rest.shape[0], rest.shape[1]
+    size = 3 * vertices * rest.itemsize
     for chunk in numba.prange(chunks):
         sums = np.empty(COLUMNS)
         taken = np.empty((_TAKEN, vertices, 3))
         last = (chunk + 1) * count // chunks
         for first in range(chunk * count // chunks, last, _TAKEN):
             rows = order[first : min(first + _TAKEN, last)]
-            # Rows lie anywhere: read and written in loops that do nothing else, many are under way at a time.
+            ahead = order[first + len(rows) : min(first + 2 * len(rows), last)]
+            # Rows lie anywhere: while some are worked on, the memory of the next is brought.
             for place in range(len(rows)):
                 for vertex in range(vertices):
                     for i in range(3):
                         taken[place, vertex, i] = rest[rows[place], vertex, i]
             for place in range(len(rows)):
                 index = first + place
+                if place < len(ahead):
+                    _bring_to_read(rest.ctypes.data + ahead[place] * size, size)
+                _bring_to_write(out.ctypes.data + rows[place] * size, size)
                 sums[:] = 0.0
-                for k in range(neighbours.shape[1]):
-                    weight = numba.float64(weights[index, k])
-                    core = cores[neighbours[index, k]]
-                    for column in range(COLUMNS):
-                        sums[column] += weight * core[column]
+                # Eight at a time, written out: what is summed then stays in registers, half the time of a loop.
+                own, near = weights[index], neighbours[index]
+                w0, w1, w2, w3 = _float(own[0]), _float(own[1]), _float(own[2]), _float(own[3])
+                w4, w5, w6, w7 = _float(own[4]), _float(own[5]), _float(own[6]), _float(own[7])
+                c0, c1, c2, c3 = cores[near[0]], cores[near[1]], cores[near[2]], cores[near[3]]
+                c4, c5, c6, c7 = cores[near[4]], cores[near[5]], cores[near[6]], cores[near[7]]
+                for j in range(COLUMNS):
+                    first_four = w0 * c0[j] + w1 * c1[j] + w2 * c2[j] + w3 * c3[j]
+                    sums[j] += first_four + w4 * c4[j] + w5 * c5[j] + w6 * c6[j] + w7 * c7[j]
                 # Weights in float32 add up to 1 but for rounding, which the difference of moments below would show.
                 share = 1 / sums[15]
                 p0, p1, p2 = share * sums[3], share * sums[4], share * sums[5]

@@ -19,7 +19,7 @@ __all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer"]
 
 Array = NDArray[Any]
 
-NEIGHBOURS = 8
+NEIGHBOURS = kernels.NEIGHBOURS
 """Cores whose motion a Gaussian follows; with four the fit is ill-conditioned."""
 _THINNEST = 1e-5
 """Least share of a neighbourhood's shortest axis squared in its longest one squared: displacements in float32 of the
@@ -154,10 +154,10 @@ class LeastSquares:
     order : (N,)
         The rows that `neighbours`, `weights` and `inverses` are of: those close in space read the same cores, one
         after the other.
-    neighbours : (N, K) int32
+    neighbours : (N, 8) int32
         Nearest first.
-    weights : (N, K) float32
-        Of sum 1.
+    weights : (N, 8) float32
+        Of sum 1; zero where there are fewer cores than eight.
     inverses : (N, 6) float64 [1/m^2]
         M^-1: xx, xy, xz, yy, yz, zz; zero for those that fell back. Thin neighbourhoods make it a large matrix of
         small differences: float32 would not do.
@@ -193,26 +193,26 @@ class LeastSquares:
         return cls(
             labels=labels,
             order=order,
-            neighbours=neighbours.astype(np.int32),
-            weights=weights,
+            neighbours=_padded(neighbours.astype(np.int32)),
+            weights=_padded(weights),
             inverses=inverses,
             fallen=np.concatenate(fallen),
         )
 
     @classmethod
     def of(cls, arrays: Mapping[str, Array]) -> LeastSquares:
-        """From what `arrays` gave, now or when there was no `order` yet."""
-        return cls(**{"order": np.arange(len(arrays["labels"]), dtype=np.int32), **arrays})
+        """From what `arrays` gave, now, when there was no `order` yet, or fewer columns where there are few cores."""
+        lacking = {"order": np.arange(len(arrays["labels"]), dtype=np.int32)}
+        padded = {name: _padded(arrays[name]) for name in ("neighbours", "weights")}
+        return cls(**{**lacking, **arrays, **padded})
 
     def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
         """See `Transfer`."""
-        out = np.empty_like(rest)
-        table = np.ones((len(cores), kernels.COLUMNS))
-        table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
-        products = displacements.transpose(0, 2, 1) @ cores.points
-        table[:, 6:15] = products.reshape(-1, 9) / cores.points.shape[1]
-        chunks = jacobi.chunk_count(len(rest))
-        kernels.carry_affinely(rest, table, self.order, self.neighbours, self.weights, self.inverses, out, chunks)
+        out = np.empty(rest.shape, dtype=rest.dtype)
+        table = np.empty((len(cores), kernels.COLUMNS))
+        kernels.affine_table(cores.points, displacements, table, jacobi.chunk_count(len(cores)))
+        rows, chunks = np.ascontiguousarray(rest), jacobi.chunk_count(len(rest))
+        kernels.carry_affinely(rows, table, self.order, self.neighbours, self.weights, self.inverses, out, chunks)
         if len(self.fallen):
             _carry_rigidly(cores, rest, displacements, self.labels, self.fallen, out)
         return out
@@ -227,6 +227,11 @@ class LeastSquares:
             "inverses": self.inverses,
             "fallen": self.fallen,
         }
+
+
+def _padded(columns: Array) -> Array:
+    """(N, K) with zeros up to K = 8: neighbours of no weight."""
+    return np.pad(columns, ((0, 0), (0, NEIGHBOURS - columns.shape[1])))
 
 
 def _neighbourhoods(centres: Array, means: Array) -> tuple[Array, Array]:
