@@ -42,7 +42,10 @@ FILES = {
     "skull": "skull.sog",
 }
 FRACTIONS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+POSES = {"guitar": (0.0, 90.0, 0.0)}
+"""So that all of them lie or stand where they would stay: what falls over falls another way each time."""
 TRANSFERS = ("least-squares", "frame")
+SETTING = ("duration", "drop", "youngs_modulus", "contact", "resolution", "engine")
 PICTURES = 16
 SIZE = (480, 480)
 ALL = "all"
@@ -53,12 +56,17 @@ def scene_of(name, arguments, reduction):
         name=name,
         splat=DATA / "splats" / FILES[name],
         height=0.4,
+        rotation=POSES.get(name),
         position=(0, 0, arguments.drop),
         material=gasp.Elastic(density=400, youngs_modulus=arguments.youngs_modulus, poissons_ratio=0.3),
         floaters=gasp.Floaters.DROP,
         reduction=reduction,
     )
-    floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
+    floor = gasp.Collider(
+        shape=gasp.HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)),
+        contact=gasp.ContactCondition(arguments.contact),
+        friction=0.4 if arguments.contact == "separate" else 0.0,
+    )
     return gasp.Scene(
         duration=arguments.duration,
         frame_rate=25,
@@ -127,7 +135,7 @@ def measured(name, arguments, results, out):
         if f"{fraction:g}" in rows:
             continue
         scene = scene_of(name, arguments, gasp.Reduction(mode="cores", fraction=fraction))
-        run, row = timed_run(scene, out / f"{name}-cores.gasp")
+        run, row = timed_run(scene, out / f"{name}-{fraction:g}.gasp")
         row |= {"fraction": fraction, "points": len(run.start_points), "note": run.notes[-1]}
         carriers = carriers_of(run)
         errors = errors_of(run, reference, carriers)
@@ -193,6 +201,7 @@ def main():
     parser.add_argument("--duration", type=float, default=2.0)
     parser.add_argument("--drop", type=float, default=0.3, help="height of the fall [m]")
     parser.add_argument("--youngs-modulus", type=float, default=5e4)
+    parser.add_argument("--contact", default="separate", choices=["separate", "stick"], help="with the floor")
     parser.add_argument("--resolution", type=int, default=48)
     parser.add_argument("--engine", default="warp-mpm")
     parser.add_argument("--out", type=Path, default=Path("core_fractions"))
@@ -202,7 +211,7 @@ def main():
         raise SystemExit(f"no data at {DATA}: set GASP_DATA")
     arguments.out.mkdir(parents=True, exist_ok=True)
     kept = arguments.out / "results.json"
-    setting = {key: getattr(arguments, key) for key in ("duration", "drop", "youngs_modulus", "resolution", "engine")}
+    setting = {key: getattr(arguments, key) for key in SETTING}
     found = json.loads(kept.read_text()) if kept.exists() and not arguments.again else {"setting": setting, "rows": {}}
     if found["setting"] != setting:
         raise SystemExit(f"{kept}: was made with {found['setting']}: choose another --out, or say --again")

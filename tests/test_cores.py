@@ -10,8 +10,8 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
 from gasp_core.reduction.clusters import cluster
-from gasp_core.reduction.cores import Levels
-from gasp_core.reduction.transfer import NEIGHBOURS, LeastSquares
+from gasp_core.reduction.cores import Level, Levels
+from gasp_core.reduction.transfer import NEIGHBOURS, LeastSquares, OneFrame
 from gasp_core.scene.selection import place_object
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
@@ -269,6 +269,30 @@ def test_clusters_are_many_as_asked_and_compact(seed, count):
     whole = ((positions - positions.mean(axis=0)) ** 2).sum()
     # A plate cut into n squares keeps 1/n of its scatter at the least, cut into strips across its length 1/n^2.
     assert within <= whole * 1.5 / count
+
+
+@pytest.mark.parametrize("count", [12, 40, 120])
+def test_least_squares_errs_less_than_one_frame_also_where_leaves_move_apart(count):
+    """Two sheets, a quarter of their size from each other, stretched and bent apart; cores move as their clusters do.
+
+    Less than a quarter: a cluster of size h strays by some 0.2 h^2 from its affine fit, that is curvature, and from its
+    rotation by the strain, 0.25 h, as well; h is 0.6 or less.
+    """
+    rng = np.random.default_rng(4)
+    sheets = rng.uniform(-1, 1, size=(2, 600, 3)) * [1.0, 1.0, 0.01] + np.array([[[0, 0, -0.25]], [[0, 0, 0.25]]])
+    assembly = assembled(splat_of(sheets.reshape(-1, 3)), count=count)
+    body = assembly.bodies[0]
+    rest, carrier = body.block.rest, body.carrier
+    x, y, z = np.moveaxis(rest, -1, 0)
+    upper = z > 0
+    moved = rest + np.where(upper, 1, -1)[..., None] * np.stack([0.25 * x, 0.1 * x * y, 0.2 + 0.2 * x * x], axis=-1)
+    displacements = carrier.gather(rest, moved - rest)
+    (level,) = carrier.levels
+    frame = Levels(levels=(Level(cores=level.cores, transfer=OneFrame(labels=level.transfer.labels)),))
+    fitted, turned = (
+        np.sqrt(((each.carry(rest, displacements) - moved) ** 2).sum(axis=-1).mean()) for each in (carrier, frame)
+    )
+    assert fitted < 0.25 * turned
 
 
 def test_a_carrier_comes_back_from_its_arrays():

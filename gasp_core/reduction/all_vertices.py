@@ -126,7 +126,8 @@ def sample_all(block: Block, floor: float, spacing: float, *, drifts: bool = Fal
     gradients = None
     if drifts:
         around = Cores(points=magnified)
-        gradients = LeastSquares.build(around, around.centres, np.arange(len(magnified)))
+        # Triangles are flat: how matter deforms across one, those around it tell.
+        gradients = LeastSquares.build(around, around.centres, np.arange(len(magnified)), own_share=0.0, steepness=2)
     return Sample(
         positions=points,
         volumes=cell_volumes(points + block.centre, spacing),
