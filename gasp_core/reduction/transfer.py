@@ -28,6 +28,7 @@ is left to the others smooths what a torn core would do, and tells how matter tu
 STEEPNESS = 16
 """Of the other weights over the distance, so that few large cores do not smooth what moves differently."""
 _SMALLEST = 1e-300
+"""Where the only neighbour lies at the edge of its reach, no weight is left to share."""
 _THINNEST = 1e-5
 """Least share of a neighbourhood's shortest axis squared in its longest one squared: displacements in float32 of the
 size of the neighbourhood then give the slope across it to 2e-5."""
