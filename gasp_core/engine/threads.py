@@ -9,8 +9,9 @@ from gasp_core.errors import SceneError
 
 __all__ = ["ThreadOptions", "processors"]
 
-_ENOUGH_POINTS = 20_000
-"""Below this, threads wait for each other longer than they work."""
+_POINTS_A_THREAD = 2_500
+"""With fewer, threads wait for each other: two of them take 0.7 of the time of one for 7,000 and for 18,000 points in
+warp-mpm, 0.6 in taichi-mpm, and about as long for 1,000."""
 
 
 def processors() -> int:
@@ -27,8 +28,8 @@ class ThreadOptions:
     Parameters
     ----------
     threads
-        Processors to use on the CPU, with the same results bit for bit for any number; 0 for all of them, or one
-        where the cloud is too small to gain from more.
+        Processors to use on the CPU, with the same results bit for bit for any number; 0 for as many as the cloud is
+        large enough to gain from.
     """
 
     threads: int = 0
@@ -40,4 +41,4 @@ class ThreadOptions:
     def threads_for(self, points: int) -> int:
         """Threads for a cloud of so many points on this machine."""
         available = processors()
-        return min(self.threads or (available if points >= _ENOUGH_POINTS else 1), available)
+        return min(self.threads or max(1, points // _POINTS_A_THREAD), available)
