@@ -221,7 +221,7 @@ def main():
             print(table_of({name: found["rows"][name]}).splitlines()[-1], flush=True)
     table = table_of(found["rows"])
     (arguments.out / "table.md").write_text(table + "\n")
-    plot(found["rows"], arguments.out / "core_fractions.png")
+    plot(found["rows"], arguments.out / "core_fractions.svg")
     print(f"\n{setting}\n{table}")
 
 
