@@ -189,6 +189,11 @@ def plot(results, path):
     axes[2].set(xlabel="times less processor time than every vertex", ylabel="error, % of the diagonal")
     axes[2].axhline(1, color="grey", linewidth=0.8)
     axes[2].axvline(10, color="grey", linewidth=0.8)
+    for axis in axes:
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter("")
+        axis.yaxis.set_major_formatter("{x:g}")
+    axes[2].set_xticks([3, 10, 30, 100])
     axes[0].legend(fontsize="small")
     figure.savefig(path, dpi=120)
     plt.close(figure)
