@@ -5,7 +5,8 @@
     python benchmarks/accuracy_pages.py --write               tables and plots of what has been measured, into docs/
 
 Results lie in build/accuracy, a folder for each scene and engine as `gasp tradeoff` writes it; what is there is not
-measured again unless told to. An engine that cannot do a scene has its reason there instead.
+measured again unless told to. What is not there stays in the page as it is, and so do the plot of
+its scene and the line about the machine. An engine that cannot do a scene has its reason there instead.
 """
 
 import argparse
@@ -86,19 +87,36 @@ def table(result):
     return "\n".join(lines)
 
 
+def measured(scene):
+    """Whether all of a scene's jobs have been, here."""
+    folders = (BUILD / job for job in JOBS if job.startswith(f"{scene}/"))
+    return all(any((folder / name).exists() for name in ("tradeoff.json", "reason.txt")) for folder in folders)
+
+
+def kept(scene, engine):
+    """What the page says of an engine now."""
+    begin, end = marks(scene)
+    own = (DOCS / "accuracy.md").read_text().partition(begin)[2].partition(end)[0]
+    return own.partition(f"### {engine}\n")[2].partition("\n### ")[0].partition(LEFT_OUT.get(scene, "\0"))[0].strip()
+
+
+def marks(name):
+    return f"<!-- {name}: written by benchmarks/accuracy_pages.py -->", f"<!-- end of {name} -->"
+
+
 def section(scene):
     parts = [f"![{SCENES[scene]}: error over processor time, a panel an engine](accuracy-{scene}.svg)"]
     for job in (job for job in JOBS if job.startswith(f"{scene}/")):
         folder, engine = BUILD / job, job.partition("/")[2]
-        parts.append(f"### {engine}\n\n    {command_of(job)}")
+        head = f"### {engine}\n\n    {command_of(job)}\n\n"
         if (folder / "tradeoff.json").exists():
             result = json.loads((folder / "tradeoff.json").read_text())
             said = result["truth"]["sentence"]
-            parts.append(f"{table(result)}\n\n{said[0].upper()}{said[1:]}.")
+            parts.append(f"{head}{table(result)}\n\n{said[0].upper()}{said[1:]}.")
         elif (folder / "reason.txt").exists():
-            parts.append(f"Cannot: {(folder / 'reason.txt').read_text().strip()}")
+            parts.append(f"{head}Cannot: {(folder / 'reason.txt').read_text().strip()}")
         else:
-            parts.append("Not measured.")
+            parts.append(f"### {engine}\n\n    {kept(scene, engine)}")
     parts += [LEFT_OUT[scene]] if scene in LEFT_OUT else []
     return "\n\n".join(parts)
 
@@ -164,14 +182,18 @@ def plot(scene):
 def write():
     page = DOCS / "accuracy.md"
     text = page.read_text()
-    for name, content in {"machine": machine_line(), **{scene: section(scene) for scene in SCENES}}.items():
-        begin, end = f"<!-- {name}: written by benchmarks/accuracy_pages.py -->", f"<!-- end of {name} -->"
+    parts = {scene: section(scene) for scene in SCENES}
+    if all(measured(scene) for scene in SCENES):
+        parts["machine"] = machine_line()
+    for name, content in parts.items():
+        begin, end = marks(name)
         before, _, rest = text.partition(begin)
         _, _, after = rest.partition(end)
         text = f"{before}{begin}\n{content}\n{end}{after}"
     page.write_text(text)
     for scene in SCENES:
-        plot(scene)
+        if measured(scene):
+            plot(scene)
 
 
 def main():

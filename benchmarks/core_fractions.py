@@ -195,7 +195,7 @@ def plot(results, path):
         axis.yaxis.set_major_formatter("{x:g}")
     axes[2].set_xticks([3, 10, 30, 100])
     axes[0].legend(fontsize="small")
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
 

@@ -12,6 +12,7 @@ import time
 
 import numba
 import numpy as np
+from scipy.spatial import KDTree
 
 from gasp_core import Gaussians
 from gasp_core.games import magnify, to_simplices
@@ -66,13 +67,13 @@ def main():
             chosen = gaussians.select(np.arange(0, len(gaussians), round(1 / arguments.fraction)))
             cores = Cores(points=magnify(to_simplices(chosen, 4), 0.01)[0])
             rest = to_simplices(gaussians, corners)
-            labels = np.arange(len(gaussians)) % len(cores)
+            labels = KDTree(cores.centres).query(gaussians.means)[1]
             start = time.process_time()
             fit = LeastSquares.build(cores, gaussians.means, labels)
             built = time.process_time() - start
             kept = sum(array.nbytes for array in fit.arrays().values()) / len(gaussians)
             displacements = 0.1 * np.sin(cores.points)
-            frame = OneFrame(labels=np.ascontiguousarray(fit.neighbours[:, 0]))
+            frame = OneFrame(labels=labels)
             print(f"{len(gaussians):,} simplices of {corners} vertices, {len(cores):,} cores, {name}")
             print(f"  built in {built:.1f} s of processor time, {kept:.0f} bytes a simplex")
             for transfer in (fit, frame):
