@@ -196,6 +196,7 @@ def plot(results, path):
     axes[2].set_xticks([3, 10, 30, 100])
     axes[0].legend(fontsize="small")
     figure.savefig(path, metadata={"Date": None})
+    path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n")
     plt.close(figure)
 
 
