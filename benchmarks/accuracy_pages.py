@@ -97,7 +97,8 @@ def kept(scene, engine):
     """What the page says of an engine now."""
     begin, end = marks(scene)
     own = (DOCS / "accuracy.md").read_text().partition(begin)[2].partition(end)[0]
-    return own.partition(f"### {engine}\n")[2].partition("\n### ")[0].partition(LEFT_OUT.get(scene, "\0"))[0].strip()
+    text = own.partition(f"### {engine}\n")[2].partition("\n### ")[0]
+    return text.partition(LEFT_OUT.get(scene, "\0"))[0].strip("\n")
 
 
 def marks(name):
@@ -116,7 +117,7 @@ def section(scene):
         elif (folder / "reason.txt").exists():
             parts.append(f"{head}Cannot: {(folder / 'reason.txt').read_text().strip()}")
         else:
-            parts.append(f"### {engine}\n\n    {kept(scene, engine)}")
+            parts.append(f"### {engine}\n\n{kept(scene, engine)}")
     parts += [LEFT_OUT[scene]] if scene in LEFT_OUT else []
     return "\n\n".join(parts)
 
