@@ -1,6 +1,6 @@
 """Measures what docs/accuracy.md shows, and writes it there.
 
-    python benchmarks/accuracy_pages.py                       every scene and engine; half an hour on two cores
+    python benchmarks/accuracy_pages.py                       every scene and engine; twenty minutes on two cores
     python benchmarks/accuracy_pages.py --only bar/warp-mpm   one of them
     python benchmarks/accuracy_pages.py --write               tables and plots of what has been measured, into docs/
 
