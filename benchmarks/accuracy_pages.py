@@ -5,8 +5,8 @@
     python benchmarks/accuracy_pages.py --write               tables and plots of what has been measured, into docs/
 
 Results lie in build/accuracy, a folder for each scene and engine as `gasp tradeoff` writes it; what is there is not
-measured again unless told to. What is not there stays in the page as it is, and so do the plot of
-its scene and the line about the machine. An engine that cannot do a scene has its reason there instead.
+measured again unless told to. What is not there stays in the page as it is, and so do the plot of its scene and the
+line about the machine. An engine that cannot do a scene has its reason there instead.
 """
 
 import argparse
@@ -87,10 +87,14 @@ def table(result):
     return "\n".join(lines)
 
 
+def has_result(job):
+    """Whether it has been measured, here."""
+    return any((BUILD / job / name).exists() for name in ("tradeoff.json", "reason.txt"))
+
+
 def measured(scene):
-    """Whether all of a scene's jobs have been, here."""
-    folders = (BUILD / job for job in JOBS if job.startswith(f"{scene}/"))
-    return all(any((folder / name).exists() for name in ("tradeoff.json", "reason.txt")) for folder in folders)
+    """Whether all of a scene's jobs have been."""
+    return all(has_result(job) for job in JOBS if job.startswith(f"{scene}/"))
 
 
 def kept(scene, engine):
@@ -208,7 +212,7 @@ def main():
         for maker in ("vibrating_bar.py", "make_ball.py"):
             runpy.run_path(str(ROOT / "examples" / maker), run_name="__main__")
         for job in arguments.only:
-            if arguments.again or not any((BUILD / job / name).exists() for name in ("tradeoff.json", "reason.txt")):
+            if arguments.again or not has_result(job):
                 measure(job, arguments.time_limit)
     write()
 
