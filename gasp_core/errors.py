@@ -6,12 +6,8 @@ behind ``gasp: `` and exits with status 2, never with a traceback.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gasp_core.engine.contract import StepReport
+from pathlib import Path
+from typing import Any
 
 __all__ = [
     "AccuracyError",
@@ -66,12 +62,13 @@ class EngineDivergedError(GaspError):
     message
         What happened, in which frame, and what to try.
     report
-        The step report that carried the verdict.
+        The step report of the contract that carried the verdict. Untyped here: the contract raises errors, and so
+        stands above them.
     recording
         Where the frames up to the last good one are kept; None if nothing was recorded.
     """
 
-    def __init__(self, message: str, report: StepReport, recording: Path | None = None) -> None:
+    def __init__(self, message: str, report: Any, recording: Path | None = None) -> None:
         super().__init__(message)
         self.report = report
         self.recording = recording

@@ -122,7 +122,7 @@ def _shift(name: str, cells: Sequence[float]) -> Change:
     """By so many grid cells along each axis; along the floor if there is one."""
 
     def apply(trial: Trial) -> tuple[Trial, Back]:
-        offset = np.asarray(cells) * trial.accuracy.spacing_for(trial.problem.points)
+        offset = np.asarray(cells) * trial.accuracy.spacing_for(trial.problem.points.size)
         moved = _with_points(trial, reference_positions=trial.problem.points.reference_positions + offset)
         return moved, lambda positions: positions - offset
 

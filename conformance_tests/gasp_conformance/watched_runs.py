@@ -128,7 +128,7 @@ def _measure(problem: PointProblem, accuracy: EngineAccuracy, times: Sequence[fl
     hidden = 0.5 * watch.masses.sum() * float((apart**2).sum(axis=1).max())
     return replace(
         watch,
-        diagonal=max(watch.diagonal, accuracy.spacing_for(problem.points)),
+        diagonal=max(watch.diagonal, accuracy.spacing_for(problem.points.size)),
         kinetic_energy=watch.kinetic_energy + hidden,
     )
 

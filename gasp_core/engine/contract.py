@@ -8,6 +8,7 @@ the `PointEngine` behind one when a scene needs it, and never before.
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -243,11 +244,18 @@ class EngineAccuracy:
             if getattr(self, name) is not None:
                 finite(self, name, low=0.0, open_low=True)
 
-    def spacing_for(self, points: PointCloud) -> float:
-        """Grid spacing [m] for these points: `spacing`, or the cloud's size over `resolution`."""
+    def spacing_for(self, size: float | PointCloud) -> float:
+        """Grid spacing [m] for matter of this size [m], `PointCloud.size`: `spacing`, or the size over `resolution`.
+
+        A cloud instead of its size is deprecated.
+        """
+        if isinstance(size, PointCloud):
+            warnings.warn(
+                "EngineAccuracy.spacing_for wants a size: give it points.size", DeprecationWarning, stacklevel=2
+            )
+            size = size.size
         if self.spacing is not None:
             return self.spacing
-        size = points.size
         # One place has no size to resolve; any spacing serves a body that only flies.
         return size / self.resolution if size > 0 else 1.0 / self.resolution
 

@@ -212,16 +212,7 @@ def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Blo
         own = placed.gaussians.means[placed.moving & ~placed.floating]
         # A single Gaussian has no extent but its edges.
         bodies.append(own if len(own) > 1 and np.ptp(own, axis=0).any() else (block.rest + block.centre).reshape(-1, 3))
-    counts = [len(body) for body in bodies]
-    positions = np.concatenate(bodies)
-    cloud = PointCloud(
-        reference_positions=positions,
-        initial_velocities=np.zeros_like(positions),
-        reference_volumes=np.ones(len(positions)),
-        material_ids=np.zeros(len(positions)),
-        body_ids=np.repeat(np.arange(len(bodies)), counts),
-    )
-    return scene.accuracy.spacing_for(cloud)
+    return scene.accuracy.spacing_for(max(float(np.ptp(body, axis=0).max()) for body in bodies))
 
 
 def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:

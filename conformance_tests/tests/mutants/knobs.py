@@ -54,7 +54,7 @@ class CellsNeverBelowACentimetre(Mutant):
     """Its grid has a smallest spacing in metres."""
 
     def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
-        return replace(accuracy, spacing=max(0.01, accuracy.spacing_for(problem.points)))
+        return replace(accuracy, spacing=max(0.01, accuracy.spacing_for(problem.points.size)))
 
 
 @mutant("refuses-nothing", {"refusals": "an empty checkpoint is accepted"})

@@ -56,7 +56,7 @@ class Blender:
             Where a fixed substep is above the stable bound, or the checkpoint is of another problem.
         """
         chosen = options if isinstance(options, BlenderOptions) else BlenderOptions()
-        spacing = accuracy.spacing_for(problem.points)
+        spacing = accuracy.spacing_for(problem.points.size)
         rows = rigid_rows(problem)
         build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
         matter = build(problem, spacing, chosen.voxels)

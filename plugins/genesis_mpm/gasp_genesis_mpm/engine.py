@@ -55,6 +55,6 @@ class GenesisMpm:
             Where a fixed substep is above the stable bound, points are too far apart for one grid, or the checkpoint is
             of another problem.
         """
-        spacing = accuracy.spacing_for(problem.points)
+        spacing = accuracy.spacing_for(problem.points.size)
         refuse_unstable_substep(problem, spacing, accuracy)
         return GenesisSession(problem, spacing, accuracy, restart)

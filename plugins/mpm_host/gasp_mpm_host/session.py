@@ -160,7 +160,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         build: CloudBuilder,
         restart: Mapping[str, Array] | None = None,
     ) -> None:
-        self._units = units = Units.of(problem, accuracy.spacing_for(problem.points))
+        self._units = units = Units.of(problem, accuracy.spacing_for(problem.points.size))
         self._frame = np.array([*units.anchor, units.spacing, units.time, units.mass])
         time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
         self._colliders = collider_rows(problem.colliders, units)

@@ -56,7 +56,7 @@ class MujocoFlex:
         accuracy = EngineAccuracy() if accuracy is None else accuracy
         options = MujocoOptions() if options is None else options
         soft, hard = _sorted_bodies(problem)
-        spacing = accuracy.spacing_for(problem.points)
+        spacing = accuracy.spacing_for(problem.points.size)
         cages, side = _cages(problem, soft, spacing, options)
         bodies = [_rigid(problem, rows, spacing, filled=options.filled) for rows in hard]
         model = build_model(problem, cages, bodies, options)

@@ -45,7 +45,7 @@ class ReferenceMpm:
             Where a fixed substep is above the stable bound, the points are too far apart for one grid, or the
             checkpoint is of another problem.
         """
-        spacing = accuracy.spacing_for(problem.points)
+        spacing = accuracy.spacing_for(problem.points.size)
         refuse_unstable_substep(problem, spacing, accuracy)
         excess = grid_excess(problem.points.reference_positions, spacing)
         if excess:

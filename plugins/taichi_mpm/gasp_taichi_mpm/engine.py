@@ -43,7 +43,7 @@ class TaichiMpm:
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
         options = ThreadOptions() if options is None else options
-        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
+        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
         build = partial(
             Cloud,
             double=precision is Precision.FLOAT64,

@@ -43,7 +43,7 @@ class WarpMpm:
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
         options = ThreadOptions() if options is None else options
-        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
+        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
         on_gpu = device == "cuda"
         build = partial(
             Cloud,
