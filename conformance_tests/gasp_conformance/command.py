@@ -23,6 +23,7 @@ PARTIAL = 3
 Examples:
   gasp-conformance my-engine --quick
   gasp-conformance my-engine --precision float32 --json my-engine.json
+  gasp-conformance my-engine --device cuda
   gasp-conformance my-engine -k "core or V12"
   gasp-conformance --list
 
@@ -47,6 +48,7 @@ engine's package; core checks cannot be excused.
     type=click.Choice(["float32", "float64"]),
     help="Precision to run the engine in.  [default: the first it declares]",
 )
+@click.option("--device", metavar="DEVICE", help="Device to run the engine on.  [default: the first it declares]")
 @click.option("--oracle", metavar="NAME", help="An engine of the same method, to compare it with point by point.")
 @click.option("--isolate", is_flag=True, help="Open every session in a process of its own, as gasp run --isolate does.")
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match; the verdict is then partial.")
@@ -58,6 +60,7 @@ def conformance(
     quick: bool,
     report_file: Path | None,
     precision: str | None,
+    device: str | None,
     oracle: str | None,
     isolate: bool,
     expression: str | None,
@@ -77,7 +80,7 @@ def conformance(
         raise click.UsageError(f"{report_file} cannot be written: name a file in a folder that may be written to")
     options = [
         f"--gasp-{option}={value}"
-        for option, value in (("engine", engine), ("precision", precision), ("oracle", oracle))
+        for option, value in (("engine", engine), ("precision", precision), ("device", device), ("oracle", oracle))
         if value is not None
     ]
     if isolate:

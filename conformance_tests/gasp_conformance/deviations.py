@@ -15,6 +15,7 @@ import json
 import tomllib
 from dataclasses import dataclass
 from importlib.resources.abc import Traversable
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -26,7 +27,7 @@ from gasp_core.errors import GaspError
 __all__ = ["FILE_NAME", "Deviation", "DeviationsError", "deviations_of", "read_deviations"]
 
 FILE_NAME = "gasp-conformance.toml"
-_KEYS = ("check", "reason", "precision")
+_KEYS = ("check", "reason", "precision", "device")
 
 
 class DeviationsError(GaspError):
@@ -43,17 +44,23 @@ class Deviation:
         Its whole name, e.g. "V8[4 cells]".
     reason
         For whoever reads the report.
-    precision
+    precision, device
         The one it fails in; None for every one.
     """
 
     check: str
     reason: str
     precision: Precision | None = None
+    device: str | None = None
 
-    def applies(self, precision: Precision) -> bool:
-        """Whether it is about a run in this precision."""
-        return self.precision in (None, precision)
+    def applies(self, precision: Precision, device: str) -> bool:
+        """Whether it is about a run in this precision on this device."""
+        return self.precision in (None, precision) and self.device in (None, device)
+
+    def overlaps(self, other: Deviation) -> bool:
+        """Whether both are about one check in one run."""
+        pairs = ((self.precision, other.precision), (self.device, other.device))
+        return self.check == other.check and all(None in pair or len(set(pair)) == 1 for pair in pairs)
 
 
 def deviations_of(descriptor: EngineDescriptor, distribution: str) -> tuple[Deviation, ...]:
@@ -62,12 +69,19 @@ def deviations_of(descriptor: EngineDescriptor, distribution: str) -> tuple[Devi
     Raises
     ------
     DeviationsError
-        Where the file is malformed.
+        Where the file is malformed, or names a device that the engine does not declare.
     """
     package = descriptor.factory.partition(":")[0].partition(".")[0]
     for where, text in (_beside(package), _in_project(distribution)):
         if text is not None:
-            return read_deviations(text, where)
+            found = read_deviations(text, where)
+            devices = descriptor.capabilities.devices
+            for one in found:
+                if one.device not in (None, *devices):
+                    raise DeviationsError(
+                        f'{where}: "{one.check}": device must be {" or ".join(devices)}, found "{one.device}"'
+                    )
+            return found
     return ()
 
 
@@ -90,11 +104,9 @@ def read_deviations(text: str, where: str) -> tuple[Deviation, ...]:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise DeviationsError(f"{where}: deviation must be a list of tables: write [[deviation]]")
     found = tuple(_deviation(table, f"{where}: deviation {number}") for number, table in enumerate(tables, start=1))
-    for precision in Precision:
-        names = [one.check for one in found if one.applies(precision)]
-        for name in names:
-            if names.count(name) > 1:
-                raise DeviationsError(f'{where}: "{name}" is listed more than once: keep one entry')
+    for one, other in combinations(found, 2):
+        if one.overlaps(other):
+            raise DeviationsError(f'{where}: "{one.check}" is listed more than once: keep one entry')
     return found
 
 
@@ -110,10 +122,14 @@ def _deviation(table: dict[str, Any], where: str) -> Deviation:
     known = [one.value for one in Precision]
     if precision is not None and precision not in known:
         raise DeviationsError(f"{where}: precision must be {' or '.join(known)}, found {precision!r}")
+    device = table.get("device")
+    if device is not None and not isinstance(device, str):
+        raise DeviationsError(f"{where}: device must be the name of one, found {device!r}")
     return Deviation(
         check=table["check"].strip(),
         reason=" ".join(table["reason"].split()),
         precision=None if precision is None else Precision(precision),
+        device=device,
     )
 
 

@@ -1,4 +1,4 @@
-"""A run in a fresh interpreter, as `python -m gasp_conformance.elsewhere ENGINE PRECISION THREAD JOB RESULT`.
+"""A run in a fresh interpreter, as `python -m gasp_conformance.elsewhere ENGINE PRECISION DEVICE THREAD JOB RESULT`.
 
 The child finds the engine as everybody does, by the registry. It must end by itself, leave nothing running, and print
 nothing to standard output, which belongs to whoever started it.
@@ -65,6 +65,7 @@ class Elsewhere:
 def run_elsewhere(
     engine: str,
     precision: str,
+    device: str,
     problem: PointProblem,
     accuracy: EngineAccuracy,
     times: Sequence[float],
@@ -76,7 +77,8 @@ def run_elsewhere(
     with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as folder:
         job, result = Path(folder, "job.pickle"), Path(folder, "result.npz")
         job.write_bytes(pickle.dumps((problem, accuracy, list(times), fields)))
-        command = [sys.executable, "-m", __name__, engine, precision, str(int(in_thread)), str(job), str(result)]
+        command = [sys.executable, "-m", __name__, engine, precision, device]
+        command += [str(int(in_thread)), str(job), str(result)]
         # Files, not pipes: a grandchild that keeps a pipe open would keep us waiting.
         with Path(folder, "out").open("w+b") as out, Path(folder, "err").open("w+b") as err:
             process = subprocess.Popen(
@@ -143,13 +145,13 @@ def _loaded(path: Path) -> PointState | None:
         return PointState(time=float(found["time"]), **arrays)
 
 
-def _run(engine: str, precision: str, job: Path, result: Path) -> None:
+def _run(engine: str, precision: str, device: str, job: Path, result: Path) -> None:
     from gasp_conformance.subject import find_subject
     from gasp_core.engine.contract import Precision
 
     # Written by our own parent a moment ago.
     problem, accuracy, times, fields = pickle.loads(job.read_bytes())
-    *_, state = find_subject(engine, Precision(precision)).states(problem, accuracy, times, fields)
+    *_, state = find_subject(engine, Precision(precision), device).states(problem, accuracy, times, fields)
     arrays = {name: getattr(state, name) for name in _ARRAYS if getattr(state, name) is not None}
     partial = result.with_suffix(".partial.npz")
     np.savez(partial, time=state.time, **arrays)
@@ -157,8 +159,8 @@ def _run(engine: str, precision: str, job: Path, result: Path) -> None:
 
 
 def _main() -> None:
-    engine, precision, in_thread, job, result = sys.argv[1:]
-    arguments = (engine, precision, Path(job), Path(result))
+    engine, precision, device, in_thread, job, result = sys.argv[1:]
+    arguments = (engine, precision, device, Path(job), Path(result))
     if in_thread == "0":
         _run(*arguments)
         return

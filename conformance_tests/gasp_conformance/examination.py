@@ -48,7 +48,7 @@ class Examination:
     Parameters
     ----------
     deviations
-        Those that apply to the run's precision.
+        Those that apply to the run's precision and device.
     path
         Where the report goes; None for nowhere.
 

@@ -32,7 +32,7 @@ class Column:
     Parameters
     ----------
     title
-        The engine, its precision, and whatever else it was run with.
+        The engine, its precision, its device unless that is the CPU, and whatever else it was run with.
     cells
         By level and row.
     verdict

@@ -34,6 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("float32", "float64"),
         help="precision to run the engine in (default: the first it declares)",
     )
+    group.addoption("--gasp-device", metavar="DEVICE", help="device to run it on (default: the first it declares)")
     group.addoption("--gasp-isolate", action="store_true", help="open every session in a process of its own")
     group.addoption("--gasp-quick", action="store_true", help="leave out the checks that take long")
     group.addoption("--gasp-report", metavar="FILE", type=Path, help="write what was found as JSON")
@@ -62,11 +63,12 @@ def _find(config: pytest.Config, name: str) -> None:
     from gasp_core.engine.contract import Precision
     from gasp_core.errors import GaspError
 
-    precision, oracle = config.getoption("--gasp-precision"), config.getoption("--gasp-oracle")
+    precision, device = config.getoption("--gasp-precision"), config.getoption("--gasp-device")
+    oracle = config.getoption("--gasp-oracle")
     find = isolated_subject if config.getoption("--gasp-isolate") else find_subject
     try:
-        config.stash[_SUBJECT] = find(name, Precision(precision) if precision else None)
-        config.stash[_ORACLE] = find_subject(oracle, None) if oracle else None
+        config.stash[_SUBJECT] = find(name, Precision(precision) if precision else None, device)
+        config.stash[_ORACLE] = find_subject(oracle, None, None) if oracle else None
     except GaspError as error:
         raise pytest.UsageError(str(error)) from None
 
@@ -86,7 +88,7 @@ def _examine(config: pytest.Config, report: Path | None) -> None:
         examination = Examination(
             found,
             oracle=config.stash[_ORACLE],
-            deviations=[one for one in known if one.applies(found.precision)],
+            deviations=[one for one in known if one.applies(found.precision, found.device)],
             extent=Extent.QUICK if config.getoption("--gasp-quick") else Extent.FULL,
             path=report,
         )

@@ -1,6 +1,6 @@
 """Many random scenes in a process of their own: what hangs or crashes there is told by number, and the rest goes on.
 
-To see again what one of them did: python -m gasp_conformance.random_batch NAME PRECISION FIRST LAST
+To see again what one of them did: python -m gasp_conformance.random_batch NAME PRECISION DEVICE FIRST LAST
 """
 
 from __future__ import annotations
@@ -99,7 +99,8 @@ def _one_process(
     """What a process got done, and the scene in which it was lost."""
     progress, words = folder / "progress", folder / "words"
     progress.touch()
-    command = [sys.executable, "-m", __spec__.name, subject.name, subject.precision.value, str(first), str(last)]
+    command = [sys.executable, "-m", __spec__.name, subject.name, subject.precision.value, subject.device]
+    command += [str(first), str(last)]
     environment = {**os.environ, _PROGRESS: str(progress)}
     with words.open("wb") as sink:
         process = subprocess.Popen(
@@ -154,10 +155,10 @@ _PROGRESS = "GASP_CONFORMANCE_PROGRESS"
 
 
 def _main() -> None:
-    name, precision, first, last = sys.argv[1:]
+    name, precision, device, first, last = sys.argv[1:]
     told = os.environ.get(_PROGRESS)
     with Path(told or os.devnull).open("a") as progress:
-        subject = find_subject(name, Precision(precision))
+        subject = find_subject(name, Precision(precision), device)
         for number in range(int(first), int(last) + 1):
             print(json.dumps({"number": number}), file=progress, flush=True)
             outcome = run_scene(subject, number)

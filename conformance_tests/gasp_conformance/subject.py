@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from gasp_core.engine.capabilities import needs, unmet
 from gasp_core.engine.contract import (
+    Determinism,
     EngineAccuracy,
     EngineDescriptor,
     EngineSession,
@@ -31,7 +32,7 @@ class Undeclared(UnsupportedSceneError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """An engine and the precision it is run in.
+    """An engine, and the device and the precision it is run in.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ class Subject:
 
     descriptor: EngineDescriptor
     engine: PointEngine
+    device: str
     precision: Precision
     distribution: str = ""
 
@@ -50,9 +52,10 @@ class Subject:
         return self.descriptor.name
 
     @property
-    def device(self) -> str:
-        """The engine's default device, which it is run on."""
-        return self.descriptor.capabilities.devices[0]
+    def determinism(self) -> Determinism:
+        """How far a second run agrees on this device: what is declared is promised on the engine's first alone."""
+        can = self.descriptor.capabilities
+        return can.determinism if self.device == can.devices[0] else Determinism.TOLERANCE
 
     @property
     def is_double(self) -> bool:
@@ -62,7 +65,7 @@ class Subject:
     def open(
         self, problem: PointProblem, accuracy: EngineAccuracy, fields: frozenset[Field] = frozenset()
     ) -> EngineSession:
-        """A session on the engine's default device with its default options, to read `fields` from.
+        """A session with the engine's default options, to read `fields` from.
 
         Raises
         ------
@@ -152,25 +155,25 @@ def finite_state(session: EngineSession, fields: frozenset[Field]) -> PointState
     return state
 
 
-def find_subject(name: str, precision: Precision | None) -> Subject:
-    """The installed engine of that name, in the asked precision or the engine's own first choice; raises as below."""
-    return _subject(name, precision, discover().load)
+def find_subject(name: str, precision: Precision | None, device: str | None) -> Subject:
+    """The installed engine of that name, as asked or by the engine's own first choices; raises as below."""
+    return _subject(name, precision, device, discover().load)
 
 
-def isolated_subject(name: str, precision: Precision | None) -> Subject:
+def isolated_subject(name: str, precision: Precision | None, device: str | None) -> Subject:
     """The same, with every session in a process of its own; raises as below, and EngineEnvironmentError."""
-    return _subject(name, precision, discover().worker)
+    return _subject(name, precision, device, discover().worker)
 
 
-def _subject(name: str, precision: Precision | None, load: Callable[[str], PointEngine]) -> Subject:
-    """An installed engine, once it is known to run in that precision.
+def _subject(name: str, precision: Precision | None, device: str | None, load: Callable[[str], PointEngine]) -> Subject:
+    """An installed engine, once it is known to run in that precision and on that device.
 
     Raises
     ------
     UnknownEngineError
         Where nothing installed offers it.
     UnsupportedSceneError
-        Where it does not run in that precision, or declares none, or no device.
+        Where it does not run in that precision or on that device, or declares none of either.
     """
     offer = discover().offer(name)
     can = offer.descriptor.capabilities
@@ -180,9 +183,12 @@ def _subject(name: str, precision: Precision | None, load: Callable[[str], Point
     if precision is not None and precision not in offered:
         known = ", ".join(one.value for one in offered)
         raise UnsupportedSceneError(f"{name} does not run in {precision.value}; it runs in {known}")
+    if device is not None and device not in can.devices:
+        raise UnsupportedSceneError(f'{name} does not run on device "{device}"; it runs on {", ".join(can.devices)}')
     return Subject(
         descriptor=offer.descriptor,
         engine=load(name),
+        device=can.devices[0] if device is None else device,
         precision=precision or offered[0],
         distribution=offer.distribution,
     )

@@ -74,8 +74,8 @@ def final(subject: Subject, problem: PointProblem) -> tuple[PointState, int]:
 
 
 def agree(subject: Subject, ledger: Ledger, case: str, one: PointState, other: PointState, substeps: int) -> None:
-    """Two runs of one problem are equal as far as the engine declares runs to be."""
-    if subject.descriptor.capabilities.determinism is Determinism.BITWISE:
+    """Two runs of one problem are equal as far as the engine promises runs on this device to be."""
+    if subject.determinism is Determinism.BITWISE:
         differing = states_differ(one, other)
         ledger.at_most(case, "arrays that are not equal bit for bit", len(differing), 0)
         return
@@ -517,6 +517,7 @@ def _in_process(subject: Subject, problem: PointProblem, *, in_thread: bool) -> 
     run = run_elsewhere(
         subject.name,
         subject.precision.value,
+        subject.device,
         problem,
         ACCURACY,
         TIMES,

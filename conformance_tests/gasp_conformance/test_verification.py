@@ -265,7 +265,7 @@ def rounding_of(subject: Subject, substeps: int) -> float:
 
 
 def judge_departure(subject: Subject, ledger: Ledger, case: str, change: Change, found: metamorphic.Departure) -> None:
-    exact = change.name == "second run" and subject.descriptor.capabilities.determinism is Determinism.BITWISE
+    exact = change.name == "second run" and subject.determinism is Determinism.BITWISE
     bound = 0.0 if exact else rounding_of(subject, found.substep_count)
     ledger.at_most(f"V16 {case}", f"{change.name}: distance / size", found.distance, bound)
 

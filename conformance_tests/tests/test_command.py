@@ -223,6 +223,12 @@ def test_an_engine_that_is_not_there_is_a_matter_of_usage(site: Path, tmp_path: 
     assert 'ERROR: no engine named "flier"' in ran.stderr and 'did you mean "flyer"?' in ran.stderr
 
 
+def test_a_device_that_the_engine_does_not_declare_is_a_matter_of_usage(site: Path, tmp_path: Path) -> None:
+    ran = command(site, tmp_path, "flyer", "--device", "cuda")
+    assert ran.returncode == 2
+    assert ran.stderr.strip() == 'ERROR: flyer does not run on device "cuda"; it runs on cpu'
+
+
 def test_the_list_names_checks_levels_and_what_they_are(site: Path, tmp_path: Path) -> None:
     ran = command(site, tmp_path, "--list")
     assert ran.returncode == 0, ran.stderr
@@ -301,8 +307,10 @@ def test_a_process_that_ends_well_in_the_midst_of_a_check_fails(monkeypatch: pyt
 
 
 def test_what_is_asked_reaches_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, asked = invoke(monkeypatch, REPORT, 0, "--quick", "--precision", "float64", "--oracle", "other", "-k", "V2")
-    wanted = ["--gasp-engine=flyer", "--gasp-precision=float64", "--gasp-oracle=other", "--gasp-quick", "-k", "V2"]
+    chosen = ["--precision", "float64", "--device", "cuda", "--oracle", "other"]
+    _, asked = invoke(monkeypatch, REPORT, 0, "--quick", *chosen, "-k", "V2")
+    wanted = ["--gasp-engine=flyer", "--gasp-precision=float64", "--gasp-device=cuda", "--gasp-oracle=other"]
+    wanted += ["--gasp-quick", "-k", "V2"]
     assert asked[:-1] == wanted and asked[-1].startswith("--gasp-report=")
 
 

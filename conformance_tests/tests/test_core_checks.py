@@ -90,7 +90,7 @@ class Flyer:
         self.place = place
 
     def open(self, problem: PointProblem, *, restart: Any = None, accuracy: EngineAccuracy, **_: Any) -> Flight:
-        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points), accuracy)
+        refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
         if restart is not None and np.shape(restart.get("fallen", ())) != (3,):
             raise SceneError("the checkpoint belongs to another engine: start the run anew")
         return Flight(self, problem, accuracy, restart)
@@ -103,7 +103,7 @@ class Flyer:
             capabilities=self.capabilities,
             factory="nowhere:Flyer",
         )
-        return Subject(descriptor=descriptor, engine=self, precision=Precision.FLOAT64)
+        return Subject(descriptor=descriptor, engine=self, device="cpu", precision=Precision.FLOAT64)
 
 
 class Flight:
@@ -361,7 +361,8 @@ def run_child(monkeypatch: pytest.MonkeyPatch, code: str, patience: float = 60.0
     monkeypatch.setattr(elsewhere, "_LINGER", 0.2)
     subject = Flyer().subject()
     problem = specimens.resting_block(subject, (0, 0, 0), 1, 0.1)
-    return elsewhere.run_elsewhere("any", "float64", problem, EngineAccuracy(), [0.1], frozenset({Field.POSITIONS}))
+    shown = frozenset({Field.POSITIONS})
+    return elsewhere.run_elsewhere("any", "float64", "cpu", problem, EngineAccuracy(), [0.1], shown)
 
 
 def test_a_process_that_hangs_is_ended_and_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,8 +18,10 @@ def test_a_list_is_read() -> None:
     first, second = read_deviations(text, "here")
     assert first == Deviation(check="V12", reason="slides too far", precision=None)
     assert second.precision is Precision.FLOAT32
-    assert second.applies(Precision.FLOAT32) and not second.applies(Precision.FLOAT64)
-    assert first.applies(Precision.FLOAT32) and first.applies(Precision.FLOAT64)
+    assert second.applies(Precision.FLOAT32, "cpu") and not second.applies(Precision.FLOAT64, "cpu")
+    assert first.applies(Precision.FLOAT32, "cpu") and first.applies(Precision.FLOAT64, "cuda")
+    (third,) = read_deviations(TEXT + 'device = "cuda"', "here")
+    assert third.applies(Precision.FLOAT64, "cuda") and not third.applies(Precision.FLOAT64, "cpu")
     assert read_deviations("", "here") == ()
 
 
@@ -36,8 +38,10 @@ def test_a_list_is_read() -> None:
         ('[[deviation]]\ncheck = 1\nreason = "x"', "deviation 1: check must be a text"),
         (TEXT + '[[deviation]]\ncheck = "V1"\nreason = "x"\nwhy = "y"', 'deviation 2: unknown key "why"'),
         ('[[deviation]]\ncheck = "V1"\nreason = "x"\nprecision = "half"', "precision must be float32 or float64"),
+        ('[[deviation]]\ncheck = "V1"\nreason = "x"\ndevice = 0', "device must be the name of one, found 0"),
         (TEXT + TEXT, '"V12" is listed more than once'),
         (TEXT + TEXT + 'precision = "float32"', '"V12" is listed more than once'),
+        (TEXT + 'precision = "float32"\n' + TEXT + 'device = "cuda"', '"V12" is listed more than once'),
     ],
 )
 def test_a_malformed_list_is_refused_in_one_line(text: str, said: str) -> None:
@@ -48,6 +52,11 @@ def test_a_malformed_list_is_refused_in_one_line(text: str, said: str) -> None:
 
 def test_one_check_may_deviate_for_two_reasons_in_two_precisions() -> None:
     text = "".join(f'{TEXT}precision = "{precision}"\n' for precision in ("float32", "float64"))
+    assert len(read_deviations(text, "here")) == 2
+
+
+def test_and_on_two_devices() -> None:
+    text = "".join(f'{TEXT}device = "{device}"\n' for device in ("cpu", "cuda"))
     assert len(read_deviations(text, "here")) == 2
 
 
@@ -99,6 +108,15 @@ def test_it_lies_in_the_package(package: Path) -> None:
         deviations_of(descriptor(package.name), "")
     (package / "gasp-conformance.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DeviationsError, match="cannot be read"):
+        deviations_of(descriptor(package.name), "")
+
+
+def test_it_names_devices_that_the_engine_declares(package: Path) -> None:
+    (package / "gasp-conformance.toml").write_text(TEXT + 'device = "cpu"\n')
+    (found,) = deviations_of(descriptor(package.name), "")
+    assert found.device == "cpu"
+    (package / "gasp-conformance.toml").write_text(TEXT + 'device = "cdua"\n')
+    with pytest.raises(DeviationsError, match='"V12": device must be cpu, found "cdua"'):
         deviations_of(descriptor(package.name), "")
 
 

@@ -119,10 +119,12 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 @pytest.fixture
 def endings(installed: None, pytester: pytest.Pytester) -> Any:
-    def run(engine: str, names: Iterable[str]) -> dict[str, str]:
+    def run(engine: str, names: Iterable[str], device: str | None = None) -> dict[str, str]:
         chosen = Chosen(names)
+        there = () if device is None else (f"--gasp-device={device}",)
         result = pytester.inline_run(
             *("--pyargs", "gasp_conformance", f"--gasp-engine={engine}", f"--gasp-oracle={RIGHT}"),
+            *there,
             *("--import-mode=importlib", "-p", "no:cacheprovider", "-q"),
             plugins=[chosen],
         )
@@ -145,7 +147,7 @@ def _caught() -> Iterator[Any]:
 
 @pytest.mark.parametrize(("kind", "names"), list(_caught()))
 def test_mutant_is_caught(endings: Any, kind: Any, names: Sequence[str]) -> None:
-    found = endings(kind.name, dict.fromkeys([*names, *HARMLESS]))
+    found = endings(kind.name, dict.fromkeys([*names, *HARMLESS]), kind.device)
     assert not all(found[name] for name in HARMLESS), f"{kind.name} does nothing right: {found}"
     for name in names:
         told, says = found[name], kind.caught_by[name]
@@ -153,6 +155,20 @@ def test_mutant_is_caught(endings: Any, kind: Any, names: Sequence[str]) -> None
         # A crash may only count where the mutant is said to crash.
         assert told.startswith("raised ") == says.startswith("raised "), f"{name} ends otherwise: {told}"
         assert re.search(says, told), f"{name} fails for another reason: {told}"
+
+
+def test_a_device_that_is_right_hides_one_that_is_not(endings: Any) -> None:
+    """What `--device` is for: on its first device the engine passes, and so does the fall that both devices show."""
+    kind = MUTANTS["falls-elsewhere"]
+    names = [*kind.caught_by, f"device:{kind.device}"]
+    assert endings(kind.name, names) == dict.fromkeys(names, "")
+
+
+def test_a_second_device_need_not_be_bitwise_and_is_the_same_one_in_every_process(endings: Any) -> None:
+    # The last digit is left to chance there; matter that feels its stresses ends far from matter that does not.
+    kind = MUTANTS["falls-elsewhere"]
+    names = ["determinism", "own-process", "checkpoints", "V16[second run]"]
+    assert endings(kind.name, names, kind.device) == dict.fromkeys(names, "")
 
 
 def test_a_plugin_that_imports_a_library_is_caught(endings: Any) -> None:

@@ -333,7 +333,7 @@ def subject_of(session: Callable[[PointProblem], Flight]) -> Subject:
         capabilities=replace(LITTLE, domain_policies=frozenset(DomainPolicy)),
         factory="nowhere:Nothing",
     )
-    return Subject(descriptor=descriptor, engine=Engine(session), precision=Precision.FLOAT64)
+    return Subject(descriptor=descriptor, engine=Engine(session), device="cpu", precision=Precision.FLOAT64)
 
 
 def watched(session: Callable[[PointProblem], Flight], *, limit: int = 500, room: float = 100.0) -> WatchedRun:
@@ -404,13 +404,16 @@ def test_an_imposed_step_may_be_found_out_a_frame_late_and_no_later() -> None:
 
 SICK = """
 import os, time
+from dataclasses import replace
 from gasp_core.engine.contract import EngineDescriptor
 from gasp_core.engine.hookspecs import hookimpl
 from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.plugin import CAPABILITIES
 
 class Engine(ReferenceMpm):
-    def open(self, problem, **choices):
+    def open(self, problem, *, device, **choices):
+        if device == "moon":
+            raise KeyError("nobody has been there")
         what = SICK_AT.get(float(problem.points.reference_volumes[0]))
         if what == "hangs":
             time.sleep(3600)
@@ -419,14 +422,15 @@ class Engine(ReferenceMpm):
             os._exit(139)
         if what == "raises":
             raise KeyError("grid")
-        return super().open(problem, **choices)
+        return super().open(problem, device=device, **choices)
 
 if os.environ.get("SICK_AT_THE_START") == "1":
     os._exit(3)
 
 @hookimpl
 def gasp_point_engines():
-    return [EngineDescriptor(name="sick", summary="sick", contract_version=(1, 0), capabilities=CAPABILITIES,
+    capabilities = replace(CAPABILITIES, devices=("cpu", "moon"))
+    return [EngineDescriptor(name="sick", summary="sick", contract_version=(1, 0), capabilities=capabilities,
                              factory="sick:Engine")]
 """
 HUNG_AFTER = 20.0
@@ -435,7 +439,7 @@ HUNG_AFTER = 20.0
 
 @pytest.fixture
 def sick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Subject]:
-    """An engine that hangs in scene 1, crashes in scene 3, and raises in scene 4, installed as every engine is."""
+    """An engine that hangs in scene 1, crashes in 3, raises in 4 and on the moon, installed as every engine is."""
     capabilities = discover().descriptor("reference-mpm").capabilities
 
     def mark(number: int) -> float:
@@ -451,7 +455,7 @@ def sick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Subject]:
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     discover.cache_clear()
-    yield find_subject("sick", None)
+    yield find_subject("sick", None, None)
     discover.cache_clear()
 
 
@@ -459,7 +463,7 @@ def test_a_hang_and_a_crash_are_told_by_number_and_the_rest_goes_on(sick: Subjec
     outcomes = run_batch(sick, 0, 5, hung_after=HUNG_AFTER)
     assert [outcome.number for outcome in outcomes] == [0, 1, 2, 3, 4, 5]
     right, hung, _, crashed, raised, _ = outcomes
-    assert right == run_scene(find_subject("reference-mpm", None), 0)
+    assert right == run_scene(find_subject("reference-mpm", None, None), 0)
     assert hung.ending == "hung" and hung.faults[0] == f"hung for {HUNG_AFTER:g} s"
     assert crashed.ending == "crashed"
     assert crashed.faults[0] == "took its process down (status 139): Segmentation fault"
@@ -475,8 +479,13 @@ def test_a_process_that_cannot_begin_says_so(sick: Subject, monkeypatch: pytest.
         run_batch(sick, 0, 1)
 
 
+def test_the_process_of_its_own_runs_on_the_same_device(sick: Subject) -> None:
+    (outcome,) = run_batch(replace(sick, device="moon"), 0, 0, hung_after=HUNG_AFTER)
+    assert outcome.faults[0] == "raised KeyError instead of a GaspError: 'nobody has been there'"
+
+
 def test_a_scene_can_be_seen_again(sick: Subject) -> None:
-    command = [sys.executable, "-m", "gasp_conformance.random_batch", "sick", "float64", "4", "5"]
+    command = [sys.executable, "-m", "gasp_conformance.random_batch", "sick", "float64", "cpu", "4", "5"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     assert told[0].split() == ["4", "not", "begun"]
     assert told[1].strip() == "raised KeyError instead of a GaspError: 'grid'"

@@ -20,6 +20,7 @@ import pytest
 from gasp_conformance import collection, deviations, subject
 from gasp_conformance.checks import Level
 from gasp_conformance.deviations import read_deviations
+from gasp_conformance.matrix import Column
 from gasp_conformance.report import Outcome, Report, VerdictOutcome, read_report
 
 from gasp_core.engine.contract import (
@@ -174,6 +175,12 @@ def test_a_precision_the_engine_has_not_is_one_line(suite: Any) -> None:
     result.stderr.fnmatch_lines(["ERROR: right does not run in float32; it runs in float64"])
 
 
+def test_a_device_the_engine_has_not_is_one_line(suite: Any) -> None:
+    result = suite("--gasp-engine=right", "--gasp-device=mars")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(['ERROR: right does not run on device "mars"; it runs on cpu, moon'])
+
+
 def test_what_is_not_declared_is_skipped_and_what_is_right_passes(suite: Any) -> None:
     result = suite("--gasp-engine=right", "-k", "v1_ or v2_")
     outcomes = result.parseoutcomes()
@@ -310,6 +317,12 @@ def test_an_engine_passes(examine: Any) -> None:
     assert report.engine.distribution == "gasp-shelf" and report.engine.precision == "float64"
     assert report.suite_version == importlib.metadata.version("gasp-conformance")
     result.stdout.fnmatch_lines(["right (float64, cpu, full): passes*"])
+
+
+def test_a_report_says_on_which_device(examine: Any) -> None:
+    result, report = examine("--gasp-device=moon", physics=PHYSICS_REPAIRED)
+    assert report.engine.device == "moon" and Column.of(report).title == "right float64, moon"
+    result.stdout.fnmatch_lines(["right (float64, moon, full): passes*"])
 
 
 def test_a_failed_check_fails_the_engine_and_leaves_its_figures(examine: Any) -> None:
@@ -531,6 +544,16 @@ def test_a_deviation_shows_no_capability(examine: Any) -> None:
 def test_a_deviation_of_another_precision_is_not_this_run_s(examine: Any) -> None:
     result, _ = examine(physics=PHYSICS_REPAIRED, listed=deviation("V99[8 cells]", 'precision = "float32"'))
     assert result.ret == pytest.ExitCode.OK
+
+
+@pytest.mark.parametrize(
+    ("device", "physics", "outcome"),
+    [("cpu", PHYSICS_REPAIRED, Outcome.PASSED), ("cpu", PHYSICS, Outcome.FAILED), ("moon", PHYSICS, Outcome.DEVIATES)],
+)
+def test_nor_is_one_of_another_device(examine: Any, device: str, physics: str, outcome: Outcome) -> None:
+    listed = deviation("V99[8 cells]", 'device = "moon"')
+    _, report = examine(f"--gasp-device={device}", physics=physics, listed=listed)
+    assert outcomes(report)["V99[8 cells]"] is outcome
 
 
 def test_a_malformed_list_of_deviations_is_one_line(

@@ -89,12 +89,15 @@ class Mutant:
         Those of them that take more than a few seconds.
     right_can
         Whether the right engine declares what those are about.
+    device
+        The one on which they have to fail; None for its first.
     """
 
     name: ClassVar[str]
     caught_by: ClassVar[Mapping[str, str]]
     slow: ClassVar[Sequence[str]] = ()
     right_can: ClassVar[bool] = True
+    device: ClassVar[str | None] = None
     declares: ClassVar[EngineCapabilities] = CAPABILITIES
     session: ClassVar[type[Session]] = Session
 
