@@ -12,6 +12,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from gasp_core.jacobi import flat_order
+
 _float = numba.float64
 _function = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 _parallel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, parallel=True)
@@ -24,6 +26,7 @@ _TAKEN = 64
 """Rows at a time, which stay in the first cache."""
 _LINE = 64
 """Bytes that memory is read in."""
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 def _prefetch(write: int) -> Any:
@@ -171,3 +174,24 @@ def carry_rigidly(rest, cores, labels, rows, out, chunks):
                 out[row, vertex, 0] = x + (core[0] + core[6] * q0 + core[7] * q1 + core[8] * q2)
                 out[row, vertex, 1] = y + (core[1] + core[9] * q0 + core[10] * q1 + core[11] * q2)
                 out[row, vertex, 2] = z + (core[2] + core[12] * q0 + core[13] * q1 + core[14] * q2)
+
+
+@_parallel
+def rows_in_question(simplices, scales, bound, found, chunks):
+    """Whether each simplex (N, V, 3) may be clipped or give no frame; see `shape_flags`, whose words these are."""
+    count, vertices = simplices.shape[0], simplices.shape[1]
+    for chunk in numba.prange(chunks):
+        axes = np.arange(3)
+        for row in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+            if vertices == 3:
+                _, axes[0], axes[1] = flat_order(scales[row])
+            total, longest = 4.0 - vertices, 0.0
+            for edge in range(vertices - 1):
+                square = 0.0
+                for axis in range(3):
+                    square += (simplices[row, edge + 1, axis] - simplices[row, 0, axis]) ** 2
+                rest = scales[row, axes[edge]]
+                total += square / (rest * rest) if rest > 0.0 else 1.0
+                longest = max(longest, square)
+            # Squares that under- or overflow say nothing of the edges.
+            found[row] = not (longest > _TINY and total < bound)
