@@ -28,6 +28,7 @@ from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointPr
 from gasp_core.engine.detector import inspect, watch_over
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Wind
 from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.engine.shapes import BoxShape, HalfSpace
 
@@ -100,7 +101,7 @@ def main() -> None:
     parser.add_argument("--bursts", type=int, default=9)
     arguments = parser.parse_args()
     registry = discover()
-    engine, options = registry.load(arguments.engine), registry.descriptor(arguments.engine).options
+    engine, options = open_engine(registry.offer(arguments.engine)), registry.descriptor(arguments.engine).options
 
     def opened(problem: PointProblem, precision: Precision = Precision.FLOAT32) -> Any:
         accuracy = EngineAccuracy(spacing=1 / CELLS, substep=STEP, substep_limit=10**6)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
 from gasp_core.engine.materials import Elastic
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 
 SPACING, PER_AXIS = 0.1, 8
@@ -72,17 +73,13 @@ def soak(engine: str, substeps: int) -> bool:
     energies: list[float] = []
     drift = 0.0
     start: NDArray[Any] | None = None
-    with (
-        discover()
-        .load(engine)
-        .open(
-            problem,
-            device="cpu",
-            precision=Precision.FLOAT32,
-            seed=0,
-            accuracy=EngineAccuracy(spacing=SPACING, substep_limit=2 * substeps),
-        ) as session
-    ):
+    with open_engine(discover().offer(engine)).open(
+        problem,
+        device="cpu",
+        precision=Precision.FLOAT32,
+        seed=0,
+        accuracy=EngineAccuracy(spacing=SPACING, substep_limit=2 * substeps),
+    ) as session:
         # The first step tells how large they are here.
         probe = session.advance_to(1e-2)
         slice_length = substeps / SAMPLES * 1e-2 / probe.substep_count

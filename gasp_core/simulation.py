@@ -6,6 +6,7 @@ import atexit
 import dataclasses
 import hashlib
 import importlib.metadata
+import math
 import shutil
 import signal
 import tempfile
@@ -27,7 +28,6 @@ from gasp_core.dynamics.composition import Played, play
 from gasp_core.dynamics.sequence import frame_files
 from gasp_core.engine.capabilities import check_supported
 from gasp_core.engine.contract import (
-    EngineAccuracy,
     EngineDescriptor,
     EngineSession,
     Field,
@@ -37,7 +37,8 @@ from gasp_core.engine.contract import (
     StepReport,
 )
 from gasp_core.engine.detector import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
-from gasp_core.engine.options import build_options
+from gasp_core.engine.opening import open_engine, open_worker
+from gasp_core.engine.options import build_options, chosen_options
 from gasp_core.engine.registry import discover
 from gasp_core.engine.starts import starts_inside
 from gasp_core.engine.worker.session import Limits
@@ -47,14 +48,16 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.progress import Progress, progress_for
 from gasp_core.recording import Recording
+from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
-from gasp_core.reduction.assembly import Assembly, Body, assemble, moved_gaussians
+from gasp_core.reduction.assembly import Assembly, Body, assemble
+from gasp_core.reduction.shape_flags import shape_flags
+from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
-from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
-from gasp_core.scene.placement import up_axis
+from gasp_core.scene.motions import FrameSequence, PythonMotion
 from gasp_core.scene.selection import PlacedObject, place_object
-from gasp_core.scene.writing import gaussians_digest, scene_to_toml
+from gasp_core.scene.writing import gaussians_digest, motion_table, scene_to_toml
 
 __all__ = ["Prepared", "prepare", "simulate"]
 
@@ -74,9 +77,9 @@ class _Engine:
         if self.engine is not None:
             return self.engine
         if not self.isolated(choice):
-            return discover().load(self.descriptor.name)
+            return open_engine(discover().offer(self.descriptor.name))
         limits = Limits() if choice.frame_limit is None else Limits(frame=choice.frame_limit)
-        return discover().worker(self.descriptor.name, limits)
+        return open_worker(discover().offer(self.descriptor.name), limits)
 
     def isolated(self, choice: EngineChoice) -> bool:
         """Whether it runs in a process of its own."""
@@ -200,7 +203,9 @@ def simulate(
             shown.say(note)
         end = wanted if frames is None else min(frames, wanted)
         if resume and (path / "zarr.json").exists():
-            writer, last, restart = RecordingWriter.resume(path, header, wanted)
+            found = Recording.open(path)
+            refuse_other(found, header, chosen.descriptor, options)
+            writer, last, restart = RecordingWriter.resume(found, wanted)
             opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
         else:
@@ -395,11 +400,11 @@ class _Run:
         degenerate: list[Array] = []
         clipped = 0
         for body, valid, drift in zip(self._assembly.bodies, self._last_valid, drifts):
-            moved = moved_gaussians(body, relative[body.points], maps, drift=drift)
-            lost = np.flatnonzero(moved.degenerate)
-            valid[~moved.degenerate] = frame
+            frameless, bounded = shape_flags(body, relative[body.points], maps, drift)
+            lost = np.flatnonzero(frameless)
+            valid[~frameless] = frame
             degenerate.append(np.stack([lost, valid[lost]], axis=1))
-            clipped += int(moved.clipped.sum())
+            clipped += int(bounded.sum())
         return degenerate, clipped
 
     def _recall(self, frame: int) -> None:
@@ -565,10 +570,14 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
     return Header(
         gasp_version=_version("gasp-core"),
         scene=scene_to_toml(scene),
-        scene_digest=_scene_digest(scene, prepared.digests),
+        scene_digest=scene_digest(scene, prepared.digests),
         points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
         frame_rate=scene.frame_rate,
         spacing=assembly.spacing,
+        maps={
+            "covariance": scene.maps.covariance,
+            "alpha": scene.maps.alpha if math.isfinite(scene.maps.alpha) else None,
+        },
         objects=tuple(
             ObjectEntry(
                 name=placed.item.name,
@@ -592,6 +601,7 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
                 last=body.points.stop,
                 carrier=body.carrier.kind,
                 drifts=body.drift is not None,
+                motion=_formula(body),
             )
             for body in assembly.bodies
         ),
@@ -602,33 +612,10 @@ def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> 
             device=scene.engine.device or capabilities.devices[0],
             precision=(scene.engine.precision or capabilities.precisions[0]).value,
             seed=scene.engine.seed,
-            options=repr(options),
+            options=chosen_options(options),
             checkpoints=capabilities.checkpoints,
         ),
     )
-
-
-def _scene_digest(scene: Scene, digests: Sequence[str]) -> str:
-    """SHA-256 of what decides the frames of a scene: not how many there are, nor where its files lie."""
-    objects = tuple(
-        dataclasses.replace(item, splat=Path(digest), up=up_axis(item), motion=_anywhere(item.motion))
-        for item, digest in zip(scene.objects, digests)
-    )
-    deciding = dataclasses.replace(
-        scene,
-        duration=1 / scene.frame_rate,
-        objects=objects,
-        engine=EngineChoice(),  # compared by itself, so that one can say what differs
-        recording=RecordingChoice(),
-        camera=None,
-        accuracy=dataclasses.replace(scene.accuracy, substep_limit=EngineAccuracy().substep_limit),
-    )
-    return hashlib.sha256(scene_to_toml(deciding, absolute=False).encode()).hexdigest()
-
-
-def _anywhere(motion: Motion | None) -> Motion | None:
-    """A motion wherever its function lies; what is in it, the digest of the object's source knows."""
-    return dataclasses.replace(motion, function="any:function") if isinstance(motion, PythonMotion) else motion
 
 
 def _opened(
@@ -668,6 +655,13 @@ def _kept(body: Body) -> dict[str, Array]:
     if body.drift is not None and body.drift.has_formula:
         kept["unmoved"] = body.drift.unmoved
     return kept
+
+
+def _formula(body: Body) -> dict[str, Any] | None:
+    """The motion of a body that moves by itself and whose motion a formula tells."""
+    if body.drift is None or not body.drift.has_formula:
+        return None
+    return motion_table(body.drift.played.choice)
 
 
 def _drifts_untold(body: Body) -> bool:

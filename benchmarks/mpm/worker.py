@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from scene import DENSITY, GRAVITY, POISSONS_RATIO, STEP, YOUNGS_MODULUS, jittered_cube, velocities_of
 
+from gasp_core.engine.opening import open_engine
+
 Burst = Callable[[int], None]
 Read = Callable[[], Any]
 
@@ -87,7 +89,7 @@ def open_ours(
         gravity=GRAVITY,
         colliders=(Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)), friction=0.4),),
     )
-    session = registry.load(engine).open(
+    session = open_engine(registry.offer(engine)).open(
         problem,
         device="cpu",
         precision=Precision(precision),

@@ -20,7 +20,8 @@ from gasp_core.engine.contract import (
     StepReport,
 )
 from gasp_core.engine.detector import non_finite_rows
-from gasp_core.engine.registry import discover
+from gasp_core.engine.opening import open_engine, open_worker
+from gasp_core.engine.registry import EngineOffer, discover
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 
 __all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state", "isolated_subject"]
@@ -157,15 +158,17 @@ def finite_state(session: EngineSession, fields: frozenset[Field]) -> PointState
 
 def find_subject(name: str, precision: Precision | None, device: str | None) -> Subject:
     """The installed engine of that name, as asked or by the engine's own first choices; raises as below."""
-    return _subject(name, precision, device, discover().load)
+    return _subject(name, precision, device, open_engine)
 
 
 def isolated_subject(name: str, precision: Precision | None, device: str | None) -> Subject:
     """The same, with every session in a process of its own; raises as below, and EngineEnvironmentError."""
-    return _subject(name, precision, device, discover().worker)
+    return _subject(name, precision, device, open_worker)
 
 
-def _subject(name: str, precision: Precision | None, device: str | None, load: Callable[[str], PointEngine]) -> Subject:
+def _subject(
+    name: str, precision: Precision | None, device: str | None, opening: Callable[[EngineOffer], PointEngine]
+) -> Subject:
     """An installed engine, once it is known to run in that precision and on that device.
 
     Raises
@@ -187,7 +190,7 @@ def _subject(name: str, precision: Precision | None, device: str | None, load: C
         raise UnsupportedSceneError(f'{name} does not run on device "{device}"; it runs on {", ".join(can.devices)}')
     return Subject(
         descriptor=offer.descriptor,
-        engine=load(name),
+        engine=opening(offer),
         device=can.devices[0] if device is None else device,
         precision=precision or offered[0],
         distribution=offer.distribution,

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
+import math
 import types
 import typing
 from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gasp_core.engine.contract import EngineDescriptor
 from gasp_core.errors import SceneError
 
-__all__ = ["build_options"]
+__all__ = ["build_options", "chosen_options"]
 
 
 def build_options(descriptor: EngineDescriptor, table: Mapping[str, object] | None = None) -> Any:
@@ -53,6 +55,32 @@ def build_options(descriptor: EngineDescriptor, table: Mapping[str, object] | No
         raise SceneError(text if text.startswith(where) else f"{where}: {text}") from None
     except (TypeError, ValueError) as error:
         raise SceneError(f"{where}: {' '.join(str(error).split())}") from error
+
+
+def chosen_options(options: Any) -> dict[str, Any]:
+    """The options that are not at their defaults, as JSON values that `build_options` takes; none of None.
+
+    A number that JSON has no word for is kept as the text of it.
+    """
+    if options is None:
+        return {}
+    chosen: dict[str, Any] = {}
+    for option in dataclasses.fields(options):
+        value = getattr(options, option.name)
+        made = option.default_factory() if option.default_factory is not dataclasses.MISSING else option.default
+        if value != made:
+            chosen[option.name] = _plain(value)
+    return chosen
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return _plain(value.value)
+    if isinstance(value, (tuple, list)):
+        return [_plain(entry) for entry in cast("list[Any]", value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
 def _known(name: str, known: list[str]) -> str:

@@ -6,16 +6,12 @@ import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, ModuleType
-from typing import TYPE_CHECKING, cast
 
-from gasp_core.engine.contract import EngineDescriptor, PointEngine
-from gasp_core.engine.foreign import contained, how_to_mend, import_factory, one_line, quietly
+from gasp_core.engine.contract import EngineDescriptor
+from gasp_core.engine.foreign import how_to_mend, one_line, quietly
 from gasp_core.engine.hookspecs import Command, RendererDescriptor
 from gasp_core.engine.plugins import FoundPlugin, PluginOffers, installed_plugins, offer_fault, read_plugin
 from gasp_core.errors import DuplicateEngineError, PluginLoadError, UnknownEngineError
-
-if TYPE_CHECKING:
-    from gasp_core.engine.worker.session import Limits
 
 __all__ = ["EngineOffer", "FoundPlugin", "PluginFailure", "Registry", "discover"]
 
@@ -127,50 +123,6 @@ class Registry:
     def descriptor(self, name: str) -> EngineDescriptor:
         """The descriptor of an engine; raises as `offer` does."""
         return self.offer(name).descriptor
-
-    def load(self, name: str) -> PointEngine:
-        """Import an engine's own code and return the engine; one with an environment of its own is run there instead.
-
-        Raises as `offer` does, and:
-
-        Raises
-        ------
-        PluginLoadError
-            Where its code, or the backend it stands on, cannot be imported: says what to install.
-        EngineEnvironmentError
-            Where its environment is missing or outdated.
-        """
-        offer = self.offer(name)
-        if offer.descriptor.environment is not None:
-            return self.worker(name)
-        what = f'engine "{name}"'
-        factory = import_factory(offer.descriptor.factory, what, offer.distribution)
-        try:
-            return cast(PointEngine, contained(factory))
-        except ImportError as error:
-            # An engine may import its backend only now.
-            remedy = how_to_mend(offer.distribution)
-            raise PluginLoadError(f"{what} cannot be loaded: {one_line(error)}; {remedy}") from error
-
-    def worker(self, name: str, limits: Limits | None = None) -> PointEngine:
-        """An engine whose sessions run in processes of their own, in its environment or else in this one.
-
-        Raises as `offer` does, and:
-
-        Raises
-        ------
-        EngineEnvironmentError
-            Where its environment is missing or outdated.
-        """
-        from gasp_core.engine.worker.engine import Interpreter, WorkerEngine, own_interpreter
-        from gasp_core.engine.worker.environments import ready_python
-
-        offer = self.offer(name)
-        if offer.descriptor.environment is None:
-            return WorkerEngine(offer.descriptor, own_interpreter(), how_to_mend(offer.distribution), limits)
-        interpreter = Interpreter(python=ready_python(offer.descriptor), path=None)
-        remedy = f"install it anew: gasp engines remove {name}, then gasp engines install {name}"
-        return WorkerEngine(offer.descriptor, interpreter, remedy, limits)
 
     def duplicate(self, name: str) -> str:
         """One line about an engine that is offered more than once: by whom, and what to do."""

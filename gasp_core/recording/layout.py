@@ -32,10 +32,10 @@ from typing import Any
 
 from gasp_core.errors import RecordingError
 from gasp_core.recording.durable import replace_file
+from gasp_core.recording.migrations import VERSION, migrated
 
 __all__ = [
     "FORMAT",
-    "VERSION",
     "BodyEntry",
     "Commit",
     "EngineRecord",
@@ -47,21 +47,21 @@ __all__ = [
 ]
 
 FORMAT = "gasp-recording"
-VERSION = 4
-"""1: a body has no `carrier`, it is "all". 2: nor `drifts`, it never does. 3: nor a fit its `order`, it is that of the
-rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineRecord:
-    """Which engine made the frames, and how it was set; a run goes on only with the same."""
+    """Which engine made the frames, and how it was set; a run goes on only with the same.
+
+    `options` are those that were not at their defaults, as JSON values.
+    """
 
     name: str
     version: str
     device: str
     precision: str
     seed: int
-    options: str
+    options: Mapping[str, Any]
     checkpoints: bool
 
 
@@ -85,15 +85,17 @@ class ObjectEntry:
 class BodyEntry:
     """What is simulated of an object: its row in `Header.objects`, vertices a simplex, rows of the points, carrier.
 
-    `drifts`: whether it moves by itself as well, see `gasp_core.dynamics`.
+    `drifts`: whether it moves by itself as well, see `gasp_core.dynamics`. `motion`: as the scene has it, where that is
+    a formula.
     """
 
     item: int
     vertices: int
     first: int
     last: int
-    carrier: str = "all"
-    drifts: bool = False
+    carrier: str
+    drifts: bool
+    motion: Mapping[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,15 +107,17 @@ class Header:
     gasp_version
         That wrote it.
     scene
-        As TOML.
+        As TOML; no frame needs it to be read.
     scene_digest
-        SHA-256 of what decides the frames: the scene less its duration and file names, and the splats' content.
+        SHA-256 of what decides the frames, `gasp_core.scene.digest`.
     points_digest
         SHA-256 of the engine's points at the start.
     frame_rate
         [1/s].
     spacing
         Of the engine's grid [m].
+    maps
+        `covariance` and `alpha` of the scene's `MapChoice`; an alpha of None: no bound.
     objects, bodies
         What the rows are.
     notes
@@ -128,6 +132,7 @@ class Header:
     points_digest: str
     frame_rate: float
     spacing: float
+    maps: Mapping[str, Any]
     objects: tuple[ObjectEntry, ...]
     bodies: tuple[BodyEntry, ...]
     notes: tuple[str, ...]
@@ -151,17 +156,18 @@ class Header:
                 f"{path}: is no recording (lacks the mark {FORMAT}): name a folder that gasp run wrote"
             )
         version = attributes.get("version")
-        if not isinstance(version, int) or version > VERSION:
+        if type(version) is not int or not 1 <= version <= VERSION:
             raise RecordingError(
                 f"{path}: is a recording of version {version!r}, this GASP reads up to {VERSION}: update GASP"
             )
         try:
-            values = {field.name: attributes[field.name] for field in dataclasses.fields(cls)}
+            today = migrated(dict(attributes))
+            values = {field.name: today[field.name] for field in dataclasses.fields(cls)}
             values["objects"] = tuple(ObjectEntry(**entry) for entry in values["objects"])
             values["bodies"] = tuple(BodyEntry(**entry) for entry in values["bodies"])
             values["notes"] = tuple(values["notes"])
             values["engine"] = EngineRecord(**values["engine"])
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RecordingError(f"{path}: the header of the recording is damaged ({error})") from None
         return cls(**values)
 

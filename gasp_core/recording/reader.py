@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -20,8 +21,8 @@ from gasp_core.reduction.all_vertices import Block, Vertices, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.carrier import Carrier
 from gasp_core.reduction.cores import Levels
-from gasp_core.scene.loading import read_scene
-from gasp_core.scene.model import Scene
+from gasp_core.scene.loading import read_stored_motion, read_stored_scene
+from gasp_core.scene.model import MapChoice, Scene
 from gasp_core.scene.placement import Placement
 from gasp_core.splats import Splats
 
@@ -111,10 +112,25 @@ class Recording:
         """Simulated times [s] of the finished frames, (frame_count,)."""
         return np.arange(self.frame_count) / self.header.frame_rate
 
-    @cached_property
+    @property
     def scene(self) -> Scene:
         """The scene it was made from; splats built in memory stand there as ``memory:`` and a digest."""
-        return read_scene(self.header.scene, file=f"{self.path} (scene)", folder=None)
+        return self._stored_scene[0]
+
+    @property
+    def forgotten(self) -> tuple[str, ...]:
+        """Keys of the scene it was made from that this GASP does not know any more, and so not in `scene`."""
+        return self._stored_scene[1]
+
+    @cached_property
+    def _stored_scene(self) -> tuple[Scene, tuple[str, ...]]:
+        return read_stored_scene(self.header.scene, file=f"{self.path} (scene)")
+
+    @cached_property
+    def _maps(self) -> MapChoice:
+        """What of the scene's maps it takes to read a frame."""
+        alpha = self.header.maps["alpha"]
+        return MapChoice(covariance=self.header.maps["covariance"], alpha=math.inf if alpha is None else alpha)
 
     @property
     def engine(self) -> EngineRecord:
@@ -190,8 +206,7 @@ class Recording:
         """The motion of a body that has a formula."""
         if f"bodies/{index}/unmoved" not in self._store:
             return None
-        choice = next(item.motion for item in self.scene.objects if item.name == name)
-        assert choice is not None, "the scene of a recording says what drifts in it"
+        choice = read_stored_motion(self.header.bodies[index].motion or {}, file=f"{self.path} (motion)")
         unmoved = self._array(f"bodies/{index}/unmoved")
         return Drift.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
@@ -244,6 +259,11 @@ class Recording:
             points[body.first : body.last] += mean
         return points
 
+    @property
+    def has_velocities(self) -> bool:
+        """Whether the points' velocities were recorded."""
+        return "frames/velocities" in self._store
+
     def velocities(self, frame: int) -> Array:
         """Velocities of the points, (P, 3) float32 [m/s].
 
@@ -252,7 +272,7 @@ class Recording:
         RecordingError
             Where they were not recorded.
         """
-        if not self.scene.recording.velocities:
+        if not self.has_velocities:
             raise RecordingError(f"{self.path}: velocities were not recorded: say velocities = true under [recording]")
         return self._frame_array("velocities", self.commit(frame))
 
@@ -282,7 +302,7 @@ class Recording:
         """The whole scene at a frame, harmonics not turned, and the turns; None where colour is the same all round."""
         commit = self.commit(frame)
         relative = self._frame_array("displacements", commit)
-        reference, maps = self.reference, self.scene.maps
+        reference, maps = self.reference, self._maps
         means = reference.means.astype(np.float64)
         quaternions = reference.quaternions.astype(np.float64)
         scales = reference.scales.astype(np.float64)
@@ -313,7 +333,7 @@ class Recording:
             moved = moved_simplices(body, relative[body.points], drift)[rows]
             before = before_physics(body, drift)
             before = None if before is None else before[rows]
-            valid = shapes(moved, local.select(rows), self.scene.maps, before=before).gaussians
+            valid = shapes(moved, local.select(rows), self._maps, before=before).gaussians
             quaternions[rows] = valid.quaternions
             scales[rows] = valid.scales
         return local.with_(quaternions=quaternions, scales=scales)

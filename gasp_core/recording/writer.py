@@ -98,8 +98,10 @@ class RecordingWriter:
         return "velocities" in self._frames
 
     @classmethod
-    def resume(cls, path: Path, header: Header, frames_wanted: int) -> tuple[RecordingWriter, int, dict[str, Array]]:
+    def resume(cls, found: Recording, frames_wanted: int) -> tuple[RecordingWriter, int, dict[str, Array]]:
         """Go on with a recording: the writer, the last frame that is kept, and the engine's state there.
+
+        Whether it may be gone on with, `gasp_core.recording.continuing.refuse_other` says.
 
         Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and frame 0 is
         kept; -1 where there is not even that. Where all frames are there, all are kept.
@@ -107,11 +109,10 @@ class RecordingWriter:
         Raises
         ------
         RecordingError
-            Where the recording was made from another scene, by another engine, or is being written now.
+            Where it is being written now, or the disk refuses.
         """
+        path = found.path
         remove_leftovers(path)
-        found = Recording.open(path)
-        _refuse_other(found.header, header, path)
         descriptor = _locked(path)
         try:
             writer = cls(path, found.header, descriptor)
@@ -386,21 +387,3 @@ def _locked(path: Path) -> int:
     if descriptor is None:
         raise RecordingError(f"{path}: another process is writing it: wait for it, or choose another name")
     return descriptor
-
-
-def _refuse_other(found: Header, wanted: Header, path: Path) -> None:
-    advice = "run it anew, or under another name"
-    if found.scene_digest != wanted.scene_digest:
-        raise RecordingError(f"{path}: the scene or one of its splats has changed since it was recorded: {advice}")
-    if found.engine != wanted.engine:
-        changed = [
-            f"{field.name} {getattr(found.engine, field.name)} -> {getattr(wanted.engine, field.name)}"
-            for field in dataclasses.fields(wanted.engine)
-            if getattr(found.engine, field.name) != getattr(wanted.engine, field.name)
-        ]
-        raise RecordingError(f"{path}: the engine is not the one it was recorded with ({', '.join(changed)}): {advice}")
-    if found.points_digest != wanted.points_digest:
-        raise RecordingError(
-            f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
-            f" ({found.gasp_version}): {advice}"
-        )

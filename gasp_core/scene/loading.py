@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,9 +25,10 @@ from gasp_core.scene.model import (
     SplatObject,
 )
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
-from gasp_core.scene.tables import Table, kind_of
+from gasp_core.scene.schema import migrated
+from gasp_core.scene.tables import StoredTable, Table, kind_of
 
-__all__ = ["load_scene", "read_scene"]
+__all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 AnyShape = HalfSpace | BoxShape | SphereShape
 
@@ -76,14 +78,53 @@ def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
     folder
         Relative splat paths start here and must exist. None: paths are taken as they are and not looked for.
     """
+    return _read(Table(file, "", _tables(text, file)), folder)
+
+
+def read_stored_scene(text: str, *, file: str) -> tuple[Scene, tuple[str, ...]]:
+    """A scene that a recording has kept, whichever GASP wrote it; paths are taken as they are and not looked for.
+
+    Returns
+    -------
+    scene
+        Of the keys that are known today.
+    forgotten
+        Paths of the keys that are not, e.g. ``object[0].glow``.
+
+    Raises
+    ------
+    SceneError
+        Where it cannot be read all the same.
+    """
+    forgotten: list[str] = []
+    scene = _read(StoredTable(file, "", _tables(text, file), forgotten), None)
+    return scene, tuple(forgotten)
+
+
+def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:
+    """A motion that a recording has kept, as a table of the scene has it; keys that are not known are passed over.
+
+    Raises
+    ------
+    SceneError
+        Where it cannot be read all the same; `file` is named.
+    """
+    return _read_motion(StoredTable(file, "", values, []), None)
+
+
+def _tables(text: str, file: str) -> dict[str, Any]:
     try:
-        top = Table(file, "", tomllib.loads(text))
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{file}: is not valid TOML: {error}") from None
+
+
+def _read(top: Table, folder: Path | None) -> Scene:
+    top = migrated(top)
     top.only(*_TOP)
     top.required("scene", "a table [scene]")
     head = top.table("scene")
-    head.only("duration", "frame_rate", "gravity")
+    head.only("schema", "duration", "frame_rate", "gravity")
     accuracy = top.table("accuracy")
     if accuracy.has("tolerance"):
         accuracy.fail("tolerance", "comes later: name resolution = 64 (cells along the largest object) yourself")

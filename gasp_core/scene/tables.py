@@ -13,7 +13,7 @@ from typing import Any, NoReturn, TypeVar, cast
 
 from gasp_core.errors import SceneError
 
-__all__ = ["Table", "kind_of"]
+__all__ = ["StoredTable", "Table", "kind_of"]
 
 Made = TypeVar("Made")
 Chosen = TypeVar("Chosen")
@@ -52,6 +52,10 @@ class Table:
         self.file = file
         self.path = path
         self.values = values
+
+    def at(self, path: str, values: Mapping[str, Any]) -> Table:
+        """Another table of the same file."""
+        return Table(self.file, path, values)
 
     def fail(self, key: str, message: str) -> NoReturn:
         """Raise the refusal of a key of this table."""
@@ -130,7 +134,7 @@ class Table:
         value = self.values.get(key, {})
         if not isinstance(value, Mapping):
             self.fail(key, f"must be a table, found {kind_of(value)}")
-        return Table(self.file, f"{self.path}.{key}" if self.path else key, cast("Mapping[str, Any]", value))
+        return self.at(f"{self.path}.{key}" if self.path else key, cast("Mapping[str, Any]", value))
 
     def tables(self, key: str) -> list[Table]:
         """An array of tables; empty where it is left out."""
@@ -138,9 +142,7 @@ class Table:
         entries = cast("list[Any]", value) if isinstance(value, list) else [None]
         if not all(isinstance(entry, Mapping) for entry in entries):
             self.fail(key, f"must be an array of tables, written [[{key}]], found {kind_of(value)}")
-        return [
-            Table(self.file, f"{key}[{index}]", cast("Mapping[str, Any]", entry)) for index, entry in enumerate(entries)
-        ]
+        return [self.at(f"{key}[{index}]", cast("Mapping[str, Any]", entry)) for index, entry in enumerate(entries)]
 
     def build(self, kind: type[Made], *, tag: str | None = None, **given: Any) -> Made:
         """An instance of a dataclass from the keys named like its fields.
@@ -177,6 +179,30 @@ class Table:
             if own is None:
                 self.fail("", str(error))
             self.fail(own[1], own[2])
+
+
+class StoredTable(Table):
+    """A table of a scene that a recording has kept: keys that are not known any more are passed over, and told.
+
+    Parameters
+    ----------
+    file, path, values
+        As of any table.
+    forgotten
+        Gets the paths of keys that are passed over.
+    """
+
+    def __init__(self, file: str, path: str, values: Mapping[str, Any], forgotten: list[str]) -> None:
+        super().__init__(file, path, values)
+        self.forgotten = forgotten
+
+    def at(self, path: str, values: Mapping[str, Any]) -> StoredTable:
+        """Another table of the same file."""
+        return StoredTable(self.file, path, values, self.forgotten)
+
+    def only(self, *known: str) -> None:
+        """Pass over keys that are not among `known`."""
+        self.forgotten += [f"{self.path}.{key}" if self.path else key for key in self.values if key not in known]
 
 
 def _number(table: Table, key: str, value: Any) -> float:

@@ -15,8 +15,10 @@ from gasp_core.engine.forcing import Collider
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.model import Scene, SplatObject
+from gasp_core.scene.motions import Motion
+from gasp_core.scene.schema import SCHEMA
 
-__all__ = ["MEMORY", "gaussians_digest", "scene_to_toml"]
+__all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]
 
 MEMORY = "memory:"
 """Stands before the digest of Gaussians that came from no file."""
@@ -32,15 +34,15 @@ def gaussians_digest(gaussians: Gaussians) -> str:
     return digest.hexdigest()
 
 
-def scene_to_toml(scene: Scene, *, absolute: bool = True) -> str:
-    """TOML text that `load_scene` reads back as an equal scene; paths of splats are made absolute unless told not to.
+def scene_to_toml(scene: Scene) -> str:
+    """TOML text that `load_scene` reads back as an equal scene; paths of splats are made absolute.
 
     Gaussians built in memory are written as ``memory:`` and a digest: they are in the recording, not in the text.
     """
-    head = {"duration": scene.duration, "frame_rate": scene.frame_rate, "gravity": scene.gravity}
+    head = {"schema": SCHEMA, "duration": scene.duration, "frame_rate": scene.frame_rate, "gravity": scene.gravity}
     lines = ["[scene]", *_entries(head)]
     for item in scene.objects:
-        lines += ["", "[[object]]", *_entries(_object(item, absolute))]
+        lines += ["", "[[object]]", *_entries(_object(item))]
     for collider in scene.colliders:
         lines += ["", "[[collider]]", *_entries(_collider(collider))]
     for drive in scene.drives:
@@ -53,23 +55,28 @@ def scene_to_toml(scene: Scene, *, absolute: bool = True) -> str:
         lines += ["", f"[{name}]", *_entries(_fields(getattr(scene, name)))]
     if scene.camera is not None:
         values = _fields(scene.camera)
-        if absolute and scene.camera.file is not None:
+        if scene.camera.file is not None:
             values["file"] = str(scene.camera.file.absolute())
         lines += ["", "[camera]", *_entries(values)]
     return "\n".join(lines) + "\n"
 
 
-def _object(item: SplatObject, absolute: bool) -> dict[str, Any]:
+def _object(item: SplatObject) -> dict[str, Any]:
     values = _fields(item)
     if isinstance(item.splat, Gaussians):
         values["splat"] = MEMORY + gaussians_digest(item.splat)
-    elif absolute and not str(item.splat).startswith(MEMORY):
+    elif not str(item.splat).startswith(MEMORY):
         values["splat"] = str(item.splat.absolute())
     if item.material is not None:
         values["material"] = {"model": item.material.kind, **_fields(item.material)}
     if item.motion is not None:
-        values["motion"] = {"kind": item.motion.kind, **_fields(item.motion)}
+        values["motion"] = motion_table(item.motion)
     return values
+
+
+def motion_table(motion: Motion) -> dict[str, Any]:
+    """A motion as the table of a scene file."""
+    return {"kind": motion.kind, **_fields(motion)}
 
 
 def _collider(collider: Collider) -> dict[str, Any]:

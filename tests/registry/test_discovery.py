@@ -9,6 +9,7 @@ import pytest
 
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
 from gasp_core.engine.materials import Elastic
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import FoundPlugin, Registry, discover
 from gasp_core.errors import DuplicateEngineError, PluginLoadError, UnknownEngineError
 
@@ -33,7 +34,7 @@ def test_engine_of_a_distribution_runs(installed):
     registry = installed("ballistic")
     descriptor = registry.descriptor("ballistic")
     assert registry.engines["ballistic"] is descriptor
-    engine = registry.load("ballistic")
+    engine = open_engine(registry.offer("ballistic"))
     with engine.open(
         one_point(), device="cpu", precision=Precision.FLOAT64, seed=0, accuracy=EngineAccuracy(), options=None
     ) as session:
@@ -46,7 +47,7 @@ def test_engine_of_a_distribution_runs(installed):
 
 def test_a_good_engine_is_untouched_by_every_broken_one(installed):
     registry = installed("ballistic", *BROKEN)
-    assert registry.load("ballistic") is not None
+    assert open_engine(registry.offer("ballistic")) is not None
     assert "twin" not in registry.engines
     assert {failure.distribution for failure in registry.failures} >= {
         "gasp-fake-unimportable",
@@ -100,7 +101,7 @@ def test_hook_without_its_mark_is_told(installed):
 
 def test_two_engines_of_one_name_are_an_error_that_names_both(installed):
     registry = installed("twin_one", "twin_two", "ballistic")
-    for ask in (registry.descriptor, registry.load):
+    for ask in (registry.descriptor, registry.offer):
         with pytest.raises(DuplicateEngineError, match=r"gasp-fake-twin-one and gasp-fake-twin-two"):
             ask("twin")
     assert "ballistic" in registry.engines
@@ -114,19 +115,19 @@ def test_another_contract_is_refused_with_both_versions(installed):
     registry = installed("other_major")
     assert "other-major" not in registry.engines
     with pytest.raises(PluginLoadError, match=r"contract 2\.0.*speaks 1\.\d+: update gasp-core"):
-        registry.load("other-major")
+        open_engine(registry.offer("other-major"))
 
 
 def test_missing_factory_is_known_only_when_asked_for(installed):
     registry = installed("no_factory")
     assert "no-factory" in registry.engines
     with pytest.raises(PluginLoadError, match=r"no-factory.*fake_no_factory_engine.*pip install"):
-        registry.load("no-factory")
+        open_engine(registry.offer("no-factory"))
 
 
 def test_missing_backend_says_what_to_install(installed):
     with pytest.raises(PluginLoadError, match=r'No module named .fake_backend.; pip install "fake-backend>=3"$'):
-        installed("no_backend").load("no-backend")
+        open_engine(installed("no_backend").offer("no-backend"))
 
 
 def test_unknown_engine_lists_the_known_and_suggests(installed):
@@ -160,5 +161,5 @@ def test_an_engine_is_imported_with_the_stdout_of_the_program(installed):
     """A library that finds another stdout at its import may take it for a notebook's and behave differently."""
     registry = installed("ballistic")
     assert sys.modules.get("fake_ballistic_engine") is None
-    registry.load("ballistic")
+    open_engine(registry.offer("ballistic"))
     assert sys.modules["fake_ballistic_engine"].STDOUT_AT_IMPORT is sys.stdout

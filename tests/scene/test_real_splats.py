@@ -7,6 +7,7 @@ import pytest
 
 from gasp_core import read_splat
 from gasp_core.engine.contract import EngineAccuracy, Field, Precision
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.reduction.assembly import moved_gaussians
@@ -73,7 +74,7 @@ def test_what_a_float32_engine_holds_at_the_start_is_the_file(name, data, scene_
     prepared = prepare(scene)
     assembly = prepared.assembly
     (body,) = assembly.bodies
-    with registry.load("taichi-mpm").open(
+    with open_engine(registry.offer("taichi-mpm")).open(
         assembly.problem,
         device="cpu",
         precision=Precision.FLOAT32,

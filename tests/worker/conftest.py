@@ -9,6 +9,7 @@ import pytest
 
 from gasp_core import Elastic, EngineAccuracy, Precision
 from gasp_core.engine.contract import PointCloud, PointProblem
+from gasp_core.engine.opening import open_worker
 from gasp_core.engine.registry import discover
 from gasp_core.engine.worker.session import Limits
 
@@ -91,7 +92,7 @@ def opened(frail):
 @pytest.fixture
 def isolated(registry):
     """The frail engine in processes of its own, one frame of which may take two seconds."""
-    return registry.worker("frail", Limits(opening=60.0, frame=2.0))
+    return open_worker(registry.offer("frail"), Limits(opening=60.0, frame=2.0))
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ import pytest
 
 from gasp_core.cli.main import main
 from gasp_core.engine.contract import EngineEnvironment
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.worker.environments import EnvironmentState, folder_of, stamp, state_of
 from gasp_core.engine.worker.installing import install, remove
 from gasp_core.engine.worker.interpreters import find_python, version_of
@@ -69,7 +70,7 @@ def everything(folder):
 
 def test_an_engine_without_its_environment_says_what_to_do(registry):
     with pytest.raises(EngineEnvironmentError, match=r'"away".* is not installed: gasp engines install away'):
-        registry.load("away")
+        open_engine(registry.offer("away"))
 
 
 def test_states(away, built):
@@ -96,8 +97,8 @@ def test_the_engine_runs_in_its_environment_with_what_it_is_lent_alone(
     # What points the Python of this process to its packages must not reach that one.
     monkeypatch.setenv("PYTHONPATH", str(FAKES / "ballistic"))
     note, read = told
-    engine = registry.load("away")
-    with opened(engine, problem, note=note) as session, opened(registry.load("frail"), problem) as here:
+    engine = open_engine(registry.offer("away"))
+    with opened(engine, problem, note=note) as session, opened(open_engine(registry.offer("frail")), problem) as here:
         for one in (session, here):
             one.advance_to(0.05)
         assert numpy.array_equal(session.read(frozenset()).positions, here.read(frozenset()).positions)
@@ -115,7 +116,7 @@ def test_a_backend_that_is_not_in_the_environment(registry, built, opened, probl
 
     with (
         pytest.raises(EngineCrashedError, match="No module named 'fake_backend_that_nobody_has'"),
-        opened(registry.load("away"), problem, fault="import") as session,
+        opened(open_engine(registry.offer("away")), problem, fault="import") as session,
     ):
         session.advance_to(0.1)
 

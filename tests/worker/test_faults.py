@@ -13,6 +13,7 @@ import pytest
 from gasp_core import EngineChoice, Gaussians, Recording, RecordingChoice, Scene, SplatObject, simulate
 from gasp_core.engine.contract import Field
 from gasp_core.engine.materials import Elastic
+from gasp_core.engine.opening import open_engine, open_worker
 from gasp_core.engine.worker.parcels import Block
 from gasp_core.engine.worker.process import WorkerProcess
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, EngineEnvironmentError, SceneError
@@ -95,7 +96,7 @@ def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, go
 
     note, read = told
     with pytest.raises(EngineCrashedError, match="while opening the scene"):
-        opened(registry.worker("frail", Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
+        opened(open_worker(registry.offer("frail"), Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
     assert gone(read()["pid"])
     assert len(logs()) == 1
 
@@ -133,7 +134,7 @@ def test_a_crash_at_closing_spoils_nothing(isolated, opened, problem, told, gone
 
 def test_a_worker_goes_with_its_engine(registry, opened, problem, told, gone, logs):
     note, read = told
-    engine = registry.worker("frail")
+    engine = open_worker(registry.offer("frail"))
     opened(engine, problem, note=note).close()
     assert psutil.pid_exists(read()["pid"])
     del engine
@@ -144,7 +145,7 @@ def test_a_worker_goes_with_its_engine(registry, opened, problem, told, gone, lo
 
 def test_a_forgotten_session_takes_its_worker_along(registry, opened, problem, told, gone, logs):
     note, read = told
-    session = opened(registry.worker("frail"), problem, note=note)
+    session = opened(open_worker(registry.offer("frail")), problem, note=note)
     session.advance_to(0.1)
     del session
     gc.collect()
@@ -236,7 +237,7 @@ def test_isolated_or_not_the_recording_is_the_same(registry, scene, tmp_path):
 def test_a_limit_needs_a_process_of_its_own(registry, scene, tmp_path):
     with pytest.raises(SceneError, match=r"frame_limit .* needs isolate = true"):
         simulate(scene(frame_limit=2.0), out=tmp_path / "run.gasp")
-    engine = (registry.descriptor("frail"), registry.load("frail"))
+    engine = (registry.descriptor("frail"), open_engine(registry.offer("frail")))
     with pytest.raises(SceneError, match="cannot be isolated"):
         simulate(scene(), engine, out=tmp_path / "run.gasp", isolate=True)
     assert not (tmp_path / "run.gasp").exists()

@@ -40,6 +40,7 @@ import sys, threading
 import numpy as np
 from gasp_core import Elastic, EngineAccuracy, Precision
 from gasp_core.engine.contract import PointCloud, PointProblem
+from gasp_core.engine.opening import open_worker
 from gasp_core.engine.registry import discover
 from fake_frail import FrailOptions
 
@@ -50,7 +51,7 @@ points = PointCloud(
 problem = PointProblem(points=points, materials=(Elastic(density=1e3, youngs_modulus=1e5, poissons_ratio=0.3),))
 
 def work():
-    with discover().worker("frail").open(
+    with open_worker(discover().offer("frail")).open(
         problem, device="cpu", precision=Precision.FLOAT64, seed=0, accuracy=EngineAccuracy(),
         options=FrailOptions(fault=sys.argv[2], fault_time=0.1),
     ) as session:

@@ -12,6 +12,7 @@ import pytest
 
 from gasp_core import EngineAccuracy, Precision
 from gasp_core.engine.contract import Field, PointState, Status
+from gasp_core.engine.opening import open_engine
 from gasp_core.errors import EngineDivergedError, PluginLoadError, SceneError, UnsupportedSceneError
 
 ALL = frozenset(Field)
@@ -30,7 +31,10 @@ def equal(one: PointState, other: PointState):
 
 
 def test_results_are_those_of_the_engine_bit_for_bit(registry, isolated, opened, problem):
-    with opened(registry.load("frail"), problem, spin=3.0) as here, opened(isolated, problem, spin=3.0) as there:
+    with (
+        opened(open_engine(registry.offer("frail")), problem, spin=3.0) as here,
+        opened(isolated, problem, spin=3.0) as there,
+    ):
         equal(here.read(ALL), there.read(ALL))
         for time in (0.1, 1 / 3, 0.5):
             assert here.advance_to(time) == there.advance_to(time)

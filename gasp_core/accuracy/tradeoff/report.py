@@ -123,7 +123,7 @@ class Tradeoff:
     """
 
     scene: str
-    engine: dict[str, str]
+    engine: dict[str, Any]
     rows: tuple[Row, ...]
     truth: dict[str, Any]
     machine: dict[str, Any]

@@ -6,6 +6,7 @@ from gasp_blender.options import BlenderOptions
 
 from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.engine.materials import Elastic
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineEnvironmentError
 
@@ -62,7 +63,7 @@ def bodies():
 def kit():
     """The engine as users have it, in its own environment."""
     try:
-        return Kit(discover().load("blender"))
+        return Kit(open_engine(discover().offer("blender")))
     except EngineEnvironmentError as error:
         # Missing or outdated; one that is there and broken fails as a session is opened.
         pytest.skip(f"blender has no environment here: gasp engines install blender ({error})")

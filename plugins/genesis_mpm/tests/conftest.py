@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gasp_core.engine.contract import PointEngine
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.errors import EngineEnvironmentError
 
@@ -11,7 +12,7 @@ from gasp_core.errors import EngineEnvironmentError
 def engine() -> PointEngine:
     """The engine in its environment, as a user has it; one worker serves a module's sessions in turn."""
     try:
-        return discover().load("genesis-mpm")
+        return open_engine(discover().offer("genesis-mpm"))
     except EngineEnvironmentError as error:
         # Raised here only where the environment, 4 GB, is missing or outdated; the words say how to get it. One that
         # is there and broken fails as a session is opened, so after `make test-environments` nothing is skipped.

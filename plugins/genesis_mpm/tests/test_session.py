@@ -10,6 +10,7 @@ import pytest
 from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
 from gasp_core.engine.forcing import Collider, Domain, DomainPolicy
 from gasp_core.engine.materials import Elastic, Fluid, Material, Sand
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.engine.shapes import BoxShape, HalfSpace
 from gasp_core.errors import SceneError
@@ -173,7 +174,7 @@ def test_a_box_holds_a_falling_block_on_its_face(engine) -> None:
 def test_nothing_is_written_where_it_runs(engine, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     # Another worker, which starts here.
-    anew = discover().load("genesis-mpm")
+    anew = open_engine(discover().offer("genesis-mpm"))
     floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
     with opened(anew, thrown(block(1), colliders=(floor,))) as session:
         session.advance_to(0.01)

@@ -74,7 +74,7 @@ class Moment:
         if not isinstance(self._footage, RecordedFootage):
             return _NONE[:, 0]
         recording = self._footage.recording
-        if recording.scene.recording.velocities:
+        if recording.has_velocities:
             return np.linalg.norm(recording.velocities(self.frame).astype(np.float64), axis=1)
         if self.frame > 0:
             return finite_difference(recording.points(self.frame - 1), self.points, self._footage.frame_rate)

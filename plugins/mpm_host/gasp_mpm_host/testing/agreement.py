@@ -10,6 +10,7 @@ import pytest
 
 from gasp_core.engine.contract import EngineAccuracy, PointEngine, PointProblem, PointState, Precision, Status
 from gasp_core.engine.forcing import Collider, ContactCondition, Driven, Impulse, Pinned, Side, Wind
+from gasp_core.engine.opening import open_engine
 from gasp_core.engine.registry import discover
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.errors import UnknownEngineError
@@ -78,7 +79,7 @@ def _scene(kinds: tuple[str, ...]) -> PointProblem:
 
 @cache
 def _reference() -> PointEngine:
-    return discover().load("reference-mpm")
+    return open_engine(discover().offer("reference-mpm"))
 
 
 @cache

@@ -1,0 +1,184 @@
+"""Scenes and recordings of yesterday under the program of today."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+import gasp_core
+from gasp_core import Elastic, Scene, SplatObject
+from gasp_core.engine.contract import EngineAccuracy
+from gasp_core.engine.forcing import Collider, Domain, Driven, Impulse, Pinned, Wind
+from gasp_core.engine.materials import MATERIALS
+from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.errors import SceneError
+from gasp_core.recording.layout import BodyEntry, Commit, EngineRecord, Header, ObjectEntry
+from gasp_core.recording.migrations import VERSION
+from gasp_core.scene.digest import scene_digest, what_differs
+from gasp_core.scene.loading import read_scene, read_stored_scene
+from gasp_core.scene.model import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Reduction
+from gasp_core.scene.motions import MOTIONS
+from gasp_core.scene.schema import SCHEMA, migrated
+from gasp_core.scene.tables import Table
+from gasp_core.scene.writing import scene_to_toml
+
+KEPT = Path(__file__).parent / "schema.json"
+
+SCENE_CLASSES = (
+    Scene, SplatObject, Reduction, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
+    HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
+    *MATERIALS.values(), *MOTIONS.values(),
+)  # fmt: skip
+RECORDING_CLASSES = (Header, ObjectEntry, BodyEntry, EngineRecord, Commit)
+
+TEXT = """
+[scene]
+duration = 1.0
+frame_rate = 10
+[[object]]
+name = "a"
+splat = "a.ply"
+material = { model = "elastic", density = 400, youngs_modulus = 5e4, poissons_ratio = 0.3 }
+"""
+
+
+def fields_of(kind: type) -> dict[str, str]:
+    """Every field with its default as text; "required" where it has none."""
+    found: dict[str, str] = {}
+    for field in dataclasses.fields(kind):
+        if field.default is not dataclasses.MISSING:
+            found[field.name] = repr(field.default)
+        elif field.default_factory is not dataclasses.MISSING:
+            found[field.name] = repr(field.default_factory())
+        else:
+            found[field.name] = "required"
+    return found
+
+
+def today() -> dict[str, object]:
+    return {
+        "scene": {"schema": SCHEMA, **{kind.__name__: fields_of(kind) for kind in SCENE_CLASSES}},
+        "recording": {"version": VERSION, **{kind.__name__: fields_of(kind) for kind in RECORDING_CLASSES}},
+    }
+
+
+def test_no_field_of_a_scene_or_a_recording_changes_without_thought():
+    """What is written once has to be read for good, so a change of what is written is a decision.
+
+    A new key of a scene whose default leaves every scene what it was: write it into schema.json, and that is all. A
+    key renamed or gone, a default that changed: raise SCHEMA, and give gasp_core/scene/schema.py a step. Anything else
+    in a recording: raise VERSION, give gasp_core/recording/migrations.py a step, and tests/recording_versions a small
+    recording of the version before. Then write the new fields with `python tests/scene/test_schema.py`.
+    """
+    assert today() == json.loads(KEPT.read_text()), (
+        test_no_field_of_a_scene_or_a_recording_changes_without_thought.__doc__
+    )
+
+
+def test_a_scene_says_its_number_and_a_newer_one_is_refused(tmp_path):
+    scene = read_scene(TEXT, file="a.toml", folder=None)
+    assert f"schema = {SCHEMA}\n" in scene_to_toml(scene)
+    assert read_scene(scene_to_toml(scene), file="b.toml", folder=None).duration == 1.0
+    newer = TEXT.replace("[scene]", f"[scene]\nschema = {SCHEMA + 1}")
+    with pytest.raises(SceneError, match=rf"a.toml: scene.schema: is {SCHEMA + 1}, this GASP knows scenes up to"):
+        read_scene(newer, file="a.toml", folder=None)
+    for nonsense in ("0", '"two"', "1.5", "true"):
+        with pytest.raises(SceneError, match=r"scene\.schema: must be a whole number"):
+            read_scene(TEXT.replace("[scene]", f"[scene]\nschema = {nonsense}"), file="a.toml", folder=None)
+
+
+def test_an_older_scene_goes_through_every_step_since():
+    def first(tables):
+        return {**tables, "scene": {**tables["scene"], "steps": ["1 to 2"]}}
+
+    def second(tables):
+        return {**tables, "scene": {**tables["scene"], "steps": [*tables["scene"].get("steps", []), "2 to 3"]}}
+
+    def steps_taken(number):
+        head = {"duration": 1.0} if number is None else {"schema": number}
+        return migrated(Table("a", "", {"scene": head}), schema=3, steps=(first, second)).values["scene"].get("steps")
+
+    assert steps_taken(None) == steps_taken(1) == ["1 to 2", "2 to 3"]
+    assert steps_taken(2) == ["2 to 3"]
+    assert steps_taken(3) is None
+
+
+def test_keys_that_are_gone_are_passed_over_in_a_scene_that_was_kept_and_nowhere_else():
+    text = TEXT.replace("name =", "glow = 3\nname =") + "[weather]\nrain = true\n"
+    with pytest.raises(SceneError, match="weather"):
+        read_scene(text, file="a.toml", folder=None)
+    scene, forgotten = read_stored_scene(text, file="a.toml")
+    assert forgotten == ("weather", "object[0].glow")
+    assert scene == read_scene(TEXT, file="a.toml", folder=None)
+
+
+def test_only_what_differs_from_the_defaults_enters_the_digest():
+    @dataclasses.dataclass(frozen=True)
+    class Before:
+        density: float
+        colour: str = "red"
+
+    @dataclasses.dataclass(frozen=True)
+    class After(Before):
+        glow: float = 0.0
+
+    assert what_differs(Before(400)) == what_differs(After(400.0)) == {"density": 400.0}
+    assert what_differs(After(400, glow=1)) == {"density": 400.0, "glow": 1.0}
+    assert what_differs(Elastic(density=1, youngs_modulus=2, poissons_ratio=0.3))["kind"] == "elastic"
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        (lambda scene: dataclasses.replace(scene, duration=9.0), True),
+        (lambda scene: dataclasses.replace(scene, engine=EngineChoice(name="other")), True),
+        (lambda scene: dataclasses.replace(scene, camera=CameraChoice(position=(1, 2, 3), target=(0, 0, 0))), True),
+        (lambda scene: dataclasses.replace(scene, frame_rate=11.0), False),
+        (lambda scene: dataclasses.replace(scene, maps=MapChoice(alpha=3.0)), False),
+        (lambda scene: dataclasses.replace(scene, gravity=(0.0, 0.0, -1.6)), False),
+        (
+            lambda scene: dataclasses.replace(
+                scene, objects=tuple(dataclasses.replace(item, min_opacity=0.1) for item in scene.objects)
+            ),
+            False,
+        ),
+    ],
+)
+def test_the_digest_knows_what_decides_the_frames(change, same):
+    scene = read_scene(TEXT, file="a.toml", folder=None)
+    digest = scene_digest(scene, ["00"])
+    assert (scene_digest(change(scene), ["00"]) == digest) is same
+    assert scene_digest(scene, ["01"]) != digest
+
+
+def test_a_scene_kept_as_text_has_the_digest_of_the_scene(cloud):
+    """Gaussians in memory stand in the text as a mark, whose axis up is still that of Gaussians in memory."""
+    wave = gasp_core.Wave(axis=(1, 0, 0), amplitude=0.1, frequency=1, wavelength=1, direction=(0, 0, 1))
+    item = SplatObject(
+        name="a", splat=cloud(), material=Elastic(density=400, youngs_modulus=5e4, poissons_ratio=0.3), height=1
+    )
+    scene = Scene(
+        duration=1,
+        frame_rate=10,
+        objects=(
+            item,
+            dataclasses.replace(
+                item,
+                name="b",
+                motion=wave,
+            ),
+        ),
+        colliders=(Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 2)), friction=1),),
+        drives=(Pinned(region=SphereShape(center=(0, 0, 0), radius=1)),),
+        maps=MapChoice(alpha=float("inf")),
+    )
+    kept, forgotten = read_stored_scene(scene_to_toml(scene), file="kept")
+    assert not forgotten
+    assert scene_digest(kept, ["00", "11"]) == scene_digest(scene, ["00", "11"])
+
+
+if __name__ == "__main__":
+    KEPT.write_text(json.dumps(today(), indent=1) + "\n")
