@@ -33,6 +33,7 @@ from gasp_core.engine.contract import (
     Field,
     PointEngine,
     PointState,
+    Precision,
     Status,
     StepReport,
 )
@@ -54,7 +55,7 @@ from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body, assemble
 from gasp_core.reduction.shape_flags import shape_flags
 from gasp_core.scene.digest import scene_digest
-from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject
+from gasp_core.scene.model import EngineChoice, MapChoice, RecordingChoice, Scene, SplatObject, engine_notes
 from gasp_core.scene.motions import FrameSequence, PythonMotion
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest, motion_table, scene_to_toml
@@ -135,6 +136,8 @@ def simulate(
     engine: str | tuple[EngineDescriptor, PointEngine] | None = None,
     out: str | Path | None = None,
     *,
+    device: str | None = None,
+    precision: Precision | None = None,
     resume: bool = False,
     frames: int | None = None,
     overwrite: bool = False,
@@ -152,6 +155,9 @@ def simulate(
         Name of an engine instead of the scene's, or one that is not installed, with its descriptor.
     out
         Folder of the recording. None: a temporary one, gone when the process ends.
+    device, precision
+        Instead of the scene's; without them another engine keeps what the scene says where it can, see
+        `Scene.with_engine`.
     resume
         Go on with the recording at `out` from its last checkpoint; begin where there is none. The result is that of
         a run that never stopped, bit for bit with an engine that is deterministic. The scene may last longer than
@@ -182,7 +188,8 @@ def simulate(
     """
     if frames is not None and frames < 1:
         raise SceneError(f"frames must be at least 1, found {frames!r}")
-    scene, chosen = _chosen(scene, engine, isolate)
+    asked = scene
+    scene, chosen = _chosen(scene, engine, isolate, device, precision)
     options = build_options(chosen.descriptor, scene.engine.options)
     prepared = prepare(scene)
     wanted = scene.frame_count
@@ -196,7 +203,7 @@ def simulate(
         body_names=names,
         others=discover().engines.values(),
     )
-    header = _header(scene, prepared, chosen, options)
+    header = _header(scene, prepared, chosen, options, engine_notes(asked, scene))
     path = _temporary() if out is None else Path(out)
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
@@ -477,9 +484,13 @@ def _interrupt() -> Generator[threading.Event]:
 
 
 def _chosen(
-    scene: Scene, engine: str | tuple[EngineDescriptor, PointEngine] | None, isolate: bool | None
+    scene: Scene,
+    engine: str | tuple[EngineDescriptor, PointEngine] | None,
+    isolate: bool | None,
+    device: str | None,
+    precision: Precision | None,
 ) -> tuple[Scene, _Engine]:
-    """The engine asked for, and the scene with its name in it; another engine's options are not this one's."""
+    """The engine asked for, and the scene as it runs it."""
     if isolate is not None:
         scene = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, isolate=isolate))
     if isinstance(engine, tuple):
@@ -488,9 +499,8 @@ def _chosen(
     else:
         offer = discover().offer(engine or scene.engine.name)
         chosen = _Engine(descriptor=offer.descriptor, engine=None, version=_version(offer.distribution))
+    scene = scene.with_engine(chosen.descriptor, device=device, precision=precision)
     name = chosen.descriptor.name
-    if name != scene.engine.name:
-        scene = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, name=name, options={}))
     if chosen.engine is not None and scene.engine.isolate:
         raise SceneError(f'engine "{name}" was handed over as it is and cannot be isolated: install it and name it')
     if scene.engine.frame_limit is not None and not chosen.isolated(scene.engine):
@@ -555,12 +565,12 @@ def _flattening(body: Body) -> str:
     )
 
 
-def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any) -> Header:
+def _header(scene: Scene, prepared: Prepared, chosen: _Engine, options: Any, notes_on_engine: Sequence[str]) -> Header:
     assembly = prepared.assembly
     ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
     rows = {placed.item.name: index for index, placed in enumerate(prepared.objects)}
     capabilities = chosen.descriptor.capabilities
-    notes: list[str] = []
+    notes = [*notes_on_engine]
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name)
     notes += [note for body in assembly.bodies if (note := _flattening(body))]

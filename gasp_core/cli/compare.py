@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.size import Size
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ Open comparison.html in a browser: tables, films side by side, plots.
     type=click.Path(path_type=Path),
     help="Where it all goes. [default: the scene's name with .compare, in the current folder]",
 )
-@click.option("--resolution", metavar="N", type=click.IntRange(min=1), help="Instead of the scene's.")
+@settings_options
 @click.option(
     "--jobs",
     metavar="N",
@@ -57,7 +58,7 @@ def compare(
     scene: Path,
     engines: str | None,
     out: Path | None,
-    resolution: int | None,
+    settings: Settings,
     jobs: int,
     time_limit: float | None,
     size: tuple[int, int],
@@ -76,11 +77,12 @@ def compare(
     folder = Path(scene.stem + ".compare") if out is None else out
     try:
         found = carry_out(
-            load_scene(scene),
+            settings.applied(load_scene(scene)),
             None if engines is None else [name.strip() for name in engines.split(",") if name.strip()],
             folder,
             name=scene.stem,
-            resolution=resolution,
+            device=settings.device,
+            precision=settings.precision,
             at_once=jobs,
             time_limit=time_limit,
             size=size,

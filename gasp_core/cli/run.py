@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.size import Size
 
 if TYPE_CHECKING:
@@ -46,12 +47,14 @@ A scene:
 Examples:
   gasp run scene.toml
   gasp run scene.toml --engine reference-mpm --out slow.gasp --frames 5
+  gasp run scene.toml --resolution 24 --cores 0.1     a first look, in a tenth of the time
   gasp run scene.toml --render film.mp4
   gasp run scene.toml --resume        go on after Ctrl-C, a crash or a power cut
 """
 )
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.option("--engine", metavar="NAME", help='Engine to use instead of the scene\'s; "gasp engines" lists them.')
+@settings_options
 @click.option(
     "--out",
     metavar="FOLDER",
@@ -75,6 +78,7 @@ Examples:
 def run(
     scene: Path,
     engine: str | None,
+    settings: Settings,
     out: Path | None,
     resume: bool,
     frames: int | None,
@@ -95,19 +99,22 @@ def run(
 
     folder = out if out is not None else Path(scene.stem + ".gasp")
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
+    command += settings.words()
     if isolate:
         command.append("--isolate")
     if out is not None:
         command += ["--out", str(out)]
     for path in films:
         command += ["--render", str(path)]
-    loaded = load_scene(scene)
+    loaded = settings.applied(load_scene(scene))
     with resumable(folder, command):
         with filmed(folder, loaded, films, size, frames) as recorded:
             recording = simulate(
                 loaded,
                 engine=engine,
                 out=folder,
+                device=settings.device,
+                precision=settings.precision,
                 resume=resume,
                 frames=frames,
                 overwrite=overwrite,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.settings import device_option
 
 if TYPE_CHECKING:
     from gasp_core.accuracy.tradeoff import Tradeoff
@@ -80,6 +81,7 @@ FRONT marks the settings that no other one beats in both error and time.
 )
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.option("--engine", metavar="NAME", help='Engine to use instead of the scene\'s; "gasp engines" lists them.')
+@device_option
 @click.option(
     "--resolutions",
     metavar="N,N,..",
@@ -129,6 +131,7 @@ FRONT marks the settings that no other one beats in both error and time.
 def tradeoff(
     scene: Path,
     engine: str | None,
+    device: str | None,
     resolutions: tuple[int, ...] | None,
     fractions: tuple[float | None, ...],
     precisions: tuple[str, ...] | None,
@@ -152,9 +155,12 @@ def tradeoff(
     from gasp_core.accuracy.tradeoff import tradeoff as measured
     from gasp_core.engine.contract import Precision
     from gasp_core.engine.registry import discover
+    from gasp_core.scene.model import engine_notes
 
     loaded = load_scene(scene)
-    capabilities = discover().descriptor(engine or loaded.engine.name).capabilities
+    descriptor = discover().descriptor(engine or loaded.engine.name)
+    for note in engine_notes(loaded, loaded.with_engine(descriptor, device=device, precision=Precision.FLOAT64)):
+        click.echo(note, err=True)
     if resolutions is None and loaded.accuracy.spacing is not None:
         raise click.UsageError("the scene names a spacing, which fixes its resolution: say --resolutions")
     folder = out if out is not None else Path(scene.stem + ".tradeoff")
@@ -163,11 +169,12 @@ def tradeoff(
         grid(
             resolutions or default_resolutions(loaded),
             fractions,
-            [Precision(word) for word in precisions] if precisions else capabilities.precisions,
+            [Precision(word) for word in precisions] if precisions else descriptor.capabilities.precisions,
             substep_fractions or (loaded.accuracy.substep_fraction,),
         ),
         folder,
         engine=engine,
+        device=device,
         name=scene.stem,
         repeats=repeats,
         truth=load_truth(truth) if truth is not None else None,

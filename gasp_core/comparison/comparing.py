@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import itertools
 import json
 import platform
@@ -18,6 +17,7 @@ from gasp_core.comparison.filming import film_all
 from gasp_core.comparison.measures import Comparison, Likeness, Pair, Row
 from gasp_core.comparison.page import page_of
 from gasp_core.comparison.running import chosen_engines, run_all, runs_of
+from gasp_core.engine.contract import Precision
 from gasp_core.engine.threads import processors
 from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
@@ -25,7 +25,7 @@ from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import check_size
 from gasp_core.runs import Outcome, Run, check_limits
-from gasp_core.scene.model import Scene
+from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.simulation import prepare
 
 __all__ = ["compare"]
@@ -40,6 +40,8 @@ def compare(
     *,
     name: str | None = None,
     resolution: int | None = None,
+    device: str | None = None,
+    precision: Precision | None = None,
     at_once: int = 1,
     time_limit: float | None = None,
     size: tuple[int, int] = (480, 360),
@@ -63,6 +65,8 @@ def compare(
         Of the scene, for the page; None: that of the folder.
     resolution
         Instead of the scene's.
+    device, precision
+        Of every engine, instead of the scene's, see `Scene.with_engine`; one that lacks them is unable.
     at_once
         How many engines run at a time; their times are those of runs alone only with 1.
     time_limit
@@ -87,13 +91,13 @@ def compare(
     """
     names = chosen_engines(engines)
     if resolution is not None:
-        scene = dataclasses.replace(scene, accuracy=dataclasses.replace(scene.accuracy, resolution=resolution))
+        scene = scene.with_resolution(resolution)
     # Before anything is started or removed: what is wrong with these is wrong for all.
     check_limits(at_once, time_limit)
     check_size(*size)
     masses = prepare(scene).assembly.problem.masses
     folder = Path(out)
-    runs = runs_of(scene, names, folder)
+    runs = runs_of(scene, names, folder, device=device, precision=precision)
     _make_room(folder, names, overwrite)
     outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, progress=progress)
     recordings = {
@@ -112,7 +116,7 @@ def compare(
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
         pairs=_pairs(recordings, filmed.likenesses, progress),
-        notes=filmed.notes,
+        notes=(*(note for run in runs for note in engine_notes(scene, run.scene)), *filmed.notes),
     )
     curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
     page = page_of(comparison, curves)

@@ -9,13 +9,14 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from gasp_core.engine.contract import Precision
 from gasp_core.engine.listing import engine_rows
 from gasp_core.engine.registry import discover
 from gasp_core.errors import PluginLoadError, RecordingError, SceneError, UnknownEngineError
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.runs import Outcome, Run, carry_out
-from gasp_core.scene.model import Scene
+from gasp_core.scene.model import EngineChoice, Scene
 
 __all__ = ["chosen_engines", "run_all", "runs_of"]
 
@@ -54,20 +55,24 @@ def chosen_engines(names: Sequence[str] | None) -> list[str]:
     return list(names)
 
 
-def runs_of(scene: Scene, engines: Sequence[str], folder: Path) -> list[Run]:
-    """The same scene with each engine's name in it; options are the scene's own engine's alone."""
-    own = scene.engine
-    return [
-        Run(
-            key=name,
-            scene=dataclasses.replace(
-                scene,
-                engine=dataclasses.replace(own, name=name, options=own.options if name == own.name else {}),
-            ),
-            out=folder / f"{name}.gasp",
-        )
-        for name in engines
-    ]
+def runs_of(
+    scene: Scene,
+    engines: Sequence[str],
+    folder: Path,
+    *,
+    device: str | None = None,
+    precision: Precision | None = None,
+) -> list[Run]:
+    """The scene as each engine runs it, `Scene.with_engine`; with a broken one's name in it, that will say why."""
+    known = discover().engines
+    runs: list[Run] = []
+    for name in engines:
+        if name in known:
+            own = scene.with_engine(known[name], device=device, precision=precision)
+        else:
+            own = dataclasses.replace(scene, engine=EngineChoice(name=name))
+        runs.append(Run(key=name, scene=own, out=folder / f"{name}.gasp"))
+    return runs
 
 
 def run_all(runs: Sequence[Run], *, at_once: int, time_limit: float | None, progress: bool | None) -> list[Outcome]:

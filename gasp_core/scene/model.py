@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, Literal
 
 from gasp_core.engine.checks import Vector, finite, finite_vector
-from gasp_core.engine.contract import EngineAccuracy, Precision
+from gasp_core.engine.contract import EngineAccuracy, EngineDescriptor, Precision
 from gasp_core.engine.forcing import Collider, Domain, Drive, ForceField
 from gasp_core.engine.materials import Material
 from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
@@ -28,6 +28,7 @@ __all__ = [
     "Scene",
     "SplatObject",
     "UpAxis",
+    "engine_notes",
 ]
 
 UpAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -99,6 +100,13 @@ class Reduction:
         object.__setattr__(self, "transfer", self.transfer or "least-squares")
         if self.transfer not in ("least-squares", "frame"):
             raise SceneError(f'Reduction.transfer must be "least-squares" or "frame", found {self.transfer!r}')
+
+    def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Reduction:
+        """The same with so many cores, levels and transfer as they are; with neither a fraction nor a count: "all"."""
+        if fraction is None and count is None:
+            return Reduction()
+        own = self if self.mode == "cores" else Reduction(mode="cores", count=1)
+        return replace(own, fraction=fraction, count=count)
 
     def cores_of(self, gaussians: int) -> int:
         """How many cores so many Gaussians get, at least one."""
@@ -435,6 +443,45 @@ class Scene:
                 " frames, more than 10000000: shorten it"
             )
 
+    def with_engine(
+        self, engine: EngineDescriptor, *, device: str | None = None, precision: Precision | None = None
+    ) -> Scene:
+        """The scene as an engine runs it; `gasp run`, `compare` and `tradeoff` all choose their engine so.
+
+        What the scene says of its own engine stays. Of another engine the options go, which are that engine's own;
+        device and precision stay where this one declares them, and are its first where it does not, see
+        `engine_notes`.
+
+        Parameters
+        ----------
+        engine
+            That is to run it.
+        device, precision
+            Asked for by name, whatever the scene says; refused by `check_supported` where the engine lacks them.
+        """
+        own, can = self.engine, engine.capabilities
+        if own.name != engine.name:
+            own = replace(
+                own,
+                name=engine.name,
+                options={},
+                device=own.device if own.device in can.devices else None,
+                precision=own.precision if own.precision in can.precisions else None,
+            )
+        return replace(self, engine=replace(own, device=device or own.device, precision=precision or own.precision))
+
+    def with_resolution(self, resolution: int) -> Scene:
+        """The scene on a grid of so many cells along the largest body, instead of what it says itself."""
+        return replace(self, accuracy=replace(self.accuracy, resolution=resolution, spacing=None))
+
+    def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Scene:
+        """The scene with so many cores in every object that moves; see `Reduction.with_cores`."""
+        objects = tuple(
+            item if item.static else replace(item, reduction=item.reduction.with_cores(fraction=fraction, count=count))
+            for item in self.objects
+        )
+        return replace(self, objects=objects)
+
     @property
     def frame_count(self) -> int:
         """Number of frames, the one at time 0 included."""
@@ -444,3 +491,20 @@ class Scene:
     def time_of(self, frame: int) -> float:
         """Simulated time [s] of a frame; the same number however the run got there."""
         return frame / self.frame_rate
+
+
+def engine_notes(asked: Scene, given: Scene) -> tuple[str, ...]:
+    """What a scene asked of its own engine and `Scene.with_engine` could not keep, a sentence each."""
+    own, other = asked.engine, given.engine
+    notes: list[str] = []
+    if own.device is not None and other.device is None:
+        notes.append(
+            f"{other.name} does not run on {own.device}, which the scene names for {own.name}:"
+            " it runs on its own device"
+        )
+    if own.precision is not None and other.precision is None:
+        notes.append(
+            f"{other.name} does not compute in {own.precision.value}, which the scene names for {own.name}:"
+            " it computes in its own precision"
+        )
+    return tuple(notes)

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gasp_core import Elastic, EngineAccuracy, EngineChoice, Reduction, Scene, SplatObject, read_splat
+from gasp_core import Elastic, EngineAccuracy, Reduction, Scene, SplatObject, read_splat
 from gasp_core.accuracy.tradeoff import default_resolutions, grid, load_truth
 from gasp_core.accuracy.tradeoff.refining import expected_order, ladder
 from gasp_core.accuracy.tradeoff.richardson import remainder_of
-from gasp_core.accuracy.tradeoff.settings import Setting, scene_with, with_engine
+from gasp_core.accuracy.tradeoff.settings import Setting, scene_with
 from gasp_core.accuracy.tradeoff.statistics import dominated, summary
 from gasp_core.engine.contract import Precision
 from gasp_core.errors import AccuracyError, SceneError
@@ -129,15 +129,6 @@ def test_the_scene_of_a_setting():
     assert again.objects[0].reduction == dataclasses.replace(framed, count=None, fraction=0.2)
     every = scene_with(framed_scene, Setting(resolution=12, precision=DOUBLE, substep_fraction=0.7))
     assert every.objects[0].reduction == Reduction()
-
-
-def test_another_engine_has_other_options():
-    from gasp_core.engine.registry import discover
-
-    base = scene(engine=EngineChoice(name="warp-mpm", options={"x": 1}, device="cuda:0", seed=4))
-    assert with_engine(base, discover().descriptor("warp-mpm")) is base
-    other = with_engine(base, discover().descriptor("reference-mpm")).engine
-    assert other == EngineChoice(name="reference-mpm", seed=4)
 
 
 def test_default_resolutions():

@@ -15,7 +15,7 @@ from gasp_core.accuracy.tradeoff.measuring import measure
 from gasp_core.accuracy.tradeoff.plot import pictures
 from gasp_core.accuracy.tradeoff.refining import RUNS, ladder, refine
 from gasp_core.accuracy.tradeoff.report import Row, Tradeoff, rows_of
-from gasp_core.accuracy.tradeoff.settings import Setting, default_resolutions, grid, with_engine
+from gasp_core.accuracy.tradeoff.settings import Setting, default_resolutions, grid
 from gasp_core.accuracy.tradeoff.truth import ClosedForm, load_truth
 from gasp_core.engine.registry import discover
 from gasp_core.errors import AccuracyError, RecordingError
@@ -35,6 +35,7 @@ def tradeoff(
     out: Path,
     *,
     engine: str | None = None,
+    device: str | None = None,
     name: str = "scene",
     repeats: int = 3,
     truth: ClosedForm | None = None,
@@ -54,8 +55,8 @@ def tradeoff(
         See `grid`.
     out
         Folder for tradeoff.json, .csv, .png and .svg, and for recordings while they are needed.
-    engine
-        Instead of the scene's.
+    engine, device
+        Instead of the scene's, see `Scene.with_engine`.
     name
         What to call the scene.
     repeats
@@ -87,7 +88,7 @@ def tradeoff(
     if repeats < 1:
         raise AccuracyError(f"repeats must be at least 1, found {repeats!r}: without one nothing is timed")
     descriptor = discover().descriptor(engine or scene.engine.name)
-    scene = with_engine(scene, descriptor)
+    scene = scene.with_engine(descriptor, device=device)
     steps = () if truth is not None else ladder(settings, descriptor.capabilities.precisions)
     recordings = _prepared(out, overwrite)
     surroundings = machine()

@@ -7,11 +7,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gasp_core.engine.contract import EngineAccuracy, EngineDescriptor, Precision
+from gasp_core.engine.contract import EngineAccuracy, Precision
 from gasp_core.errors import AccuracyError
 from gasp_core.scene.model import Reduction, Scene
 
-__all__ = ["Setting", "default_resolutions", "grid", "scene_with", "with_engine"]
+__all__ = ["Setting", "default_resolutions", "grid", "scene_with"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +54,7 @@ class Setting:
 
     def reduction(self, base: Reduction) -> Reduction:
         """All vertices, or this fraction of cores; levels and transfer are those of `base` where it says any."""
-        if self.fraction is None:
-            return Reduction()
-        if base.mode != "cores":
-            return Reduction(mode="cores", fraction=self.fraction)
-        return replace(base, fraction=self.fraction, count=None)
+        return base.with_cores(fraction=self.fraction)
 
     @property
     def cores(self) -> str:
@@ -110,21 +106,10 @@ def default_resolutions(scene: Scene) -> tuple[int, ...]:
     return tuple(sorted({max(2, round(own / math.sqrt(2) ** step)) for step in range(3)}))
 
 
-def with_engine(scene: Scene, engine: EngineDescriptor) -> Scene:
-    """The scene with an engine; another engine's options and device are not this one's."""
-    if scene.engine.name == engine.name:
-        return scene
-    return replace(scene, engine=replace(scene.engine, name=engine.name, options={}, device=None, precision=None))
-
-
 def scene_with(scene: Scene, setting: Setting) -> Scene:
     """The scene as a setting has it."""
-    objects = tuple(
-        item if item.static else replace(item, reduction=setting.reduction(item.reduction)) for item in scene.objects
-    )
     return replace(
-        scene,
-        objects=objects,
+        scene.with_cores(fraction=setting.fraction),
         accuracy=setting.accuracy(scene.accuracy),
         engine=replace(scene.engine, precision=setting.precision),
     )

@@ -1,0 +1,114 @@
+"""What commands that run a scene may set instead of what it says itself; the same words for all of them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from gasp_core.engine.contract import Precision
+    from gasp_core.scene.model import Scene
+
+__all__ = ["Settings", "device_option", "settings_options"]
+
+_PRECISIONS = ("float32", "float64")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Instead of the scene's; None: as it says.
+
+    Parameters
+    ----------
+    resolution
+        Cells along the largest body.
+    device, precision
+        Of the engine.
+    cores
+        A share of the Gaussians below 1 or with a point in it, a number of cores, or "all" for every vertex.
+    """
+
+    resolution: int | None = None
+    device: str | None = None
+    precision: Precision | None = None
+    cores: float | int | str | None = None
+
+    def applied(self, scene: Scene) -> Scene:
+        """The scene with the resolution and the cores; device and precision go with the engine that is chosen."""
+        if self.resolution is not None:
+            scene = scene.with_resolution(self.resolution)
+        if isinstance(self.cores, int):
+            scene = scene.with_cores(count=self.cores)
+        elif self.cores is not None:
+            scene = scene.with_cores(fraction=self.cores if isinstance(self.cores, float) else None)
+        return scene
+
+    def words(self) -> list[str]:
+        """The options that say so, for a command that is to be given again."""
+        given = {
+            "--resolution": self.resolution,
+            "--device": self.device,
+            "--precision": None if self.precision is None else self.precision.value,
+            "--cores": self.cores,
+        }
+        return [word for name, value in given.items() if value is not None for word in (name, str(value))]
+
+
+class _Cores(click.ParamType[Any]):
+    name = "cores"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        word = str(value)
+        if word == "all":
+            return word
+        try:
+            return int(word) if int(word) >= 1 else self.fail(f"{word} is no number of cores", param, ctx)
+        except ValueError:
+            pass
+        try:
+            share = float(word)
+        except ValueError:
+            share = 0.0
+        if not 0 < share <= 1:
+            self.fail(f'{word!r} is not a share above 0 up to 1, a whole number, or "all"', param, ctx)
+        return share
+
+
+device_option = click.option("--device", metavar="NAME", help='Of the engine, e.g. cuda; "gasp engines" lists them.')
+
+
+def settings_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options, and what they say as its argument `settings`."""
+
+    @functools.wraps(command)
+    def with_settings(
+        *args: Any, resolution: int | None, device: str | None, precision: str | None, cores: Any, **others: Any
+    ) -> None:
+        from gasp_core.engine.contract import Precision
+
+        settings = Settings(
+            resolution=resolution,
+            device=device,
+            precision=None if precision is None else Precision(precision),
+            cores=cores,
+        )
+        command(*args, settings=settings, **others)
+
+    options = (
+        click.option(
+            "--resolution", metavar="N", type=click.IntRange(2, 4096), help="Cells across the largest object."
+        ),
+        device_option,
+        click.option("--precision", type=click.Choice(_PRECISIONS), help="Of the engine's numbers."),
+        click.option(
+            "--cores",
+            metavar="SHARE|N|all",
+            type=_Cores(),
+            help='Cores that stand for the Gaussians: a share, 0.1, or a number, 5000; "all": every vertex.',
+        ),
+    )
+    return functools.reduce(lambda wrapped, option: option(wrapped), reversed(options), with_settings)
