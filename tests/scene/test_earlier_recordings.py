@@ -1,0 +1,174 @@
+"""Recordings of every version so far: their frames can be read, and runs be gone on with."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import json
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gasp_core import EngineChoice, Gaussians, Recording
+from gasp_core.errors import RecordingError
+from gasp_core.recording.migrations import VERSION
+
+KEPT = Path(__file__).parents[1] / "recording_versions"
+FIELDS = ("means", "quaternions", "scales", "opacities", "harmonics")
+
+
+FRAMES_KEPT = 4
+"""Of the seven that were wanted: the runs were stopped there."""
+
+
+def _load(name):
+    spec = importlib.util.spec_from_file_location(name, KEPT / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_load("swaying")
+scenes = _load("scenes")
+VERSIONS = range(1, VERSION)
+OTHER_CORES = 2
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """Unpacks the recording of a version, and what that version itself read in it."""
+
+    def unpack(version):
+        with zipfile.ZipFile(KEPT / f"version_{version}.zip") as packed:
+            packed.extractall(tmp_path)
+            truth = np.load(io.BytesIO(packed.read("truth.npz")))
+        return tmp_path / "recording.gasp", truth
+
+    return unpack
+
+
+def rewritten(path, change):
+    """The header of a recording, changed."""
+    file = path / "zarr.json"
+    node = json.loads(file.read_text())
+    change(node["attributes"])
+    file.write_text(json.dumps(node))
+
+
+def compare(found: Gaussians, truth, frame):
+    for name in FIELDS:
+        # The same arithmetic on other processors: a few roundings of a double, of float32 for harmonics.
+        tolerance = 1e-5 if name == "harmonics" else 1e-9
+        np.testing.assert_allclose(getattr(found, name), truth[f"{name}_{frame}"], rtol=tolerance, atol=tolerance)
+
+
+def test_there_is_a_recording_of_every_version_before_this_one():
+    assert sorted(int(path.stem.removeprefix("version_")) for path in KEPT.glob("version_*.zip")) == list(VERSIONS)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_its_frames_are_what_they_were(kept, version):
+    path, truth = kept(version)
+    assert json.loads((path / "zarr.json").read_text())["attributes"]["version"] == version
+    recording = Recording.open(path)
+    assert recording.frame_count == FRAMES_KEPT
+    assert recording.forgotten == ()
+    for frame in range(recording.frame_count):
+        compare(recording.gaussians(frame), truth, frame)
+    assert recording.has_velocities is (version == 1)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_its_frames_need_nothing_of_its_scene_but_what_the_header_of_today_keeps(kept, version):
+    """A key that has gone, and even a value that no scene has any more, harms no frame."""
+    path, truth = kept(version)
+
+    def age(attributes):
+        text = attributes["scene"].replace("[scene]", "[scene]\ntempo = 3")
+        attributes["scene"] = text.replace('model = "elastic"', 'model = "phlogiston"') + "[weather]\nrain = true\n"
+
+    rewritten(path, age)
+    recording = Recording.open(path)
+    for frame in range(recording.frame_count):
+        compare(recording.gaussians(frame), truth, frame)
+
+
+@pytest.mark.parametrize("version", [version for version in VERSIONS if version != OTHER_CORES])
+def test_a_run_of_it_is_gone_on_with(kept, run, tmp_path, version):
+    """To the end that a run of today comes to, which never stopped."""
+    path, _ = kept(version)
+    recording = run(scenes.scene(version), path, resume=True)
+    whole = run(scenes.scene(version), tmp_path / "whole.gasp")
+    assert (recording.status, recording.frame_count) == ("complete", whole.frame_count)
+    assert recording.header.points_digest == whole.header.points_digest
+    for frame in (FRAMES_KEPT, whole.frame_count - 1):
+        for name in FIELDS:
+            found, expected = (getattr(own.gaussians(frame), name) for own in (recording, whole))
+            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_where_the_points_have_become_others_that_is_said(kept, run):
+    """Since version 4 a core has the moments of its vertices: a run of before cannot go on with those of today."""
+    path, _ = kept(OTHER_CORES)
+    with pytest.raises(RecordingError, match="makes other points of the scene than the one that recorded it"):
+        run(scenes.scene(OTHER_CORES), path, resume=True)
+    assert Recording.open(path).frame_count == FRAMES_KEPT
+
+
+@pytest.mark.parametrize("version", [*VERSIONS, VERSION])
+def test_another_scene_or_other_options_are_refused_whatever_the_version(kept, run, tmp_path, version):
+    if version == VERSION:
+        path = tmp_path / "now.gasp"
+        run(scenes.scene(version), path, frames=2)
+    else:
+        path, _ = kept(version)
+    scene = scenes.scene(version)
+    before = sorted(file.relative_to(path) for file in path.rglob("*"))
+    for changed, says in (
+        ({"gravity": (0.0, 0.0, -1.6)}, "the scene or one of its splats has changed"),
+        (
+            {"engine": EngineChoice(name="ballistic", options={"spin": 0.6})},
+            r"options \(spin = 3.0\) -> \(spin = 0.6\)",
+        ),
+        ({"engine": EngineChoice(name="ballistic", options={"spin": 3.0}, seed=1)}, "seed 0 -> 1"),
+    ):
+        fields = {name: getattr(scene, name) for name in scene.__dataclass_fields__} | changed
+        with pytest.raises(RecordingError, match=says):
+            run(type(scene)(**fields), path, resume=True)
+    assert sorted(file.relative_to(path) for file in path.rglob("*")) == before
+
+
+def test_a_key_that_has_gone_and_decided_nothing_does_not_keep_a_run_from_going_on(run, tmp_path):
+    """It was at its default, so the digest of today's version never knew of it."""
+    path = tmp_path / "run.gasp"
+    run(scenes.scene(1), path, frames=3)
+    rewritten(path, lambda attributes: attributes.update(scene=attributes["scene"] + "[weather]\nrain = false\n"))
+    assert Recording.open(path).forgotten == ("weather",)
+    assert run(scenes.scene(1), path, resume=True).status == "complete"
+
+
+def test_a_key_that_has_gone_from_an_older_recording_is_named_where_it_may_have_decided(kept, run):
+    path, _ = kept(1)
+    rewritten(path, lambda attributes: attributes.update(scene=attributes["scene"] + "[weather]\nrain = true\n"))
+    with pytest.raises(RecordingError, match=r"keys that this GASP does not know any more.*\(weather\)"):
+        run(scenes.scene(1), path, resume=True)
+
+
+def test_an_option_that_is_new_since_does_not_keep_a_run_from_going_on(run, tmp_path, ballistic, monkeypatch):
+    import dataclasses
+
+    path = tmp_path / "run.gasp"
+    run(scenes.scene(1), path, frames=3)
+    later = dataclasses.make_dataclass("Options", [("glow", float, 0.0)], bases=(ballistic.Options,), frozen=True)
+    monkeypatch.setattr(ballistic, "Options", later)
+    assert run(scenes.scene(1), path, resume=True).status == "complete"
+    shutil.rmtree(path)
+    run(scenes.scene(1), path, frames=3)
+    rewritten(path, lambda attributes: attributes["engine"]["options"].update(flavour="sweet"))
+    with pytest.raises(RecordingError, match="flavour"):
+        run(scenes.scene(1), path, resume=True)
