@@ -203,7 +203,7 @@ def simulate(
         body_names=names,
         others=discover().engines.values(),
     )
-    header = _header(scene, prepared, chosen, options, engine_notes(asked, scene))
+    header = _header(scene, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     path = _temporary() if out is None else Path(out)
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
@@ -313,7 +313,7 @@ class _Run:
                     self._keep(frame, session, always=True)
                     return (
                         f"stopped by Ctrl-C after frame {frame} of {scene.frame_count - 1};"
-                        f" to go on: gasp run SCENE --resume --out {self._writer.path}"
+                        " gasp run --resume goes on from there, with the same scene and settings"
                     )
                 self._keep(frame, session, always=frame + 1 == end)
         return ""

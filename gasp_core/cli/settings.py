@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from gasp_core.engine.contract import Precision
     from gasp_core.scene.model import Scene
 
-__all__ = ["Settings", "device_option", "settings_options"]
+__all__ = ["PRECISIONS", "Settings", "device_option", "settings_options", "share"]
 
-_PRECISIONS = ("float32", "float64")
+PRECISIONS = ("float32", "float64")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +58,14 @@ class Settings:
         return [word for name, value in given.items() if value is not None for word in (name, str(value))]
 
 
+def share(word: str) -> float:
+    """A number above 0 up to 1; ValueError where it is none."""
+    number = float(word)
+    if not 0 < number <= 1:
+        raise ValueError
+    return number
+
+
 class _Cores(click.ParamType[Any]):
     name = "cores"
 
@@ -66,16 +74,10 @@ class _Cores(click.ParamType[Any]):
         if word == "all":
             return word
         try:
-            return int(word) if int(word) >= 1 else self.fail(f"{word} is no number of cores", param, ctx)
+            # Digits alone are a number, so that 1 is one core and 1.0 all of them.
+            return int(word) if word.isdecimal() and int(word) > 0 else share(word)
         except ValueError:
-            pass
-        try:
-            share = float(word)
-        except ValueError:
-            share = 0.0
-        if not 0 < share <= 1:
-            self.fail(f'{word!r} is not a share above 0 up to 1, a whole number, or "all"', param, ctx)
-        return share
+            self.fail(f'"{word}" is not a share above 0 up to 1, a whole number, or "all"', param, ctx)
 
 
 device_option = click.option("--device", metavar="NAME", help='Of the engine, e.g. cuda; "gasp engines" lists them.')
@@ -103,7 +105,7 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
             "--resolution", metavar="N", type=click.IntRange(2, 4096), help="Cells across the largest object."
         ),
         device_option,
-        click.option("--precision", type=click.Choice(_PRECISIONS), help="Of the engine's numbers."),
+        click.option("--precision", type=click.Choice(PRECISIONS), help="Of the engine's numbers."),
         click.option(
             "--cores",
             metavar="SHARE|N|all",

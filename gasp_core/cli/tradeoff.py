@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gasp_core.cli.printing import print_json, print_table
-from gasp_core.cli.settings import device_option
+from gasp_core.cli.settings import PRECISIONS, device_option, share
 
 if TYPE_CHECKING:
     from gasp_core.accuracy.tradeoff import Tradeoff
@@ -45,19 +45,12 @@ def _resolution(word: str) -> int:
     return number
 
 
-def _share(word: str) -> float:
-    number = float(word)
-    if not 0 < number <= 1:
-        raise ValueError
-    return number
-
-
 def _cores(word: str) -> float | None:
-    return None if word == "all" else _share(word)
+    return None if word == "all" else share(word)
 
 
 def _precision(word: str) -> str:
-    if word not in ("float32", "float64"):
+    if word not in PRECISIONS:
         raise ValueError
     return word
 
@@ -105,7 +98,7 @@ FRONT marks the settings that no other one beats in both error and time.
 @click.option(
     "--substep-fractions",
     metavar="F,F,..",
-    type=Several("substep fractions", _share, "numbers above 0 up to 1"),
+    type=Several("substep fractions", share, "numbers above 0 up to 1"),
     help="Of the largest stable substep. [default: the scene's own]",
 )
 @click.option(
@@ -155,12 +148,9 @@ def tradeoff(
     from gasp_core.accuracy.tradeoff import tradeoff as measured
     from gasp_core.engine.contract import Precision
     from gasp_core.engine.registry import discover
-    from gasp_core.scene.model import engine_notes
 
     loaded = load_scene(scene)
     descriptor = discover().descriptor(engine or loaded.engine.name)
-    for note in engine_notes(loaded, loaded.with_engine(descriptor, device=device, precision=Precision.FLOAT64)):
-        click.echo(note, err=True)
     if resolutions is None and loaded.accuracy.spacing is not None:
         raise click.UsageError("the scene names a spacing, which fixes its resolution: say --resolutions")
     folder = out if out is not None else Path(scene.stem + ".tradeoff")
@@ -199,5 +189,7 @@ def _print_for_people(result: Tradeoff, folder: Path) -> None:
     for cells in result.table():
         if len(cells) < width:
             click.echo("  ".join(cells))
+    for note in result.notes:
+        click.echo(note)
     click.echo(f"{result.truth['sentence']}; times are those of this machine")
     click.echo(f"{folder}: tradeoff.png, tradeoff.svg, tradeoff.csv, tradeoff.json")

@@ -16,7 +16,7 @@ from gasp_core.comparison.curves import RunCurves, curves_of
 from gasp_core.comparison.filming import film_all
 from gasp_core.comparison.measures import Comparison, Likeness, Pair, Row
 from gasp_core.comparison.page import page_of
-from gasp_core.comparison.running import chosen_engines, run_all, runs_of
+from gasp_core.comparison.running import chosen_engines, notes_of, run_all, runs_of
 from gasp_core.engine.contract import Precision
 from gasp_core.engine.threads import processors
 from gasp_core.errors import AccuracyError, RecordingError
@@ -25,7 +25,7 @@ from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import check_size
 from gasp_core.runs import Outcome, Run, check_limits
-from gasp_core.scene.model import Scene, engine_notes
+from gasp_core.scene.model import Scene
 from gasp_core.simulation import prepare
 
 __all__ = ["compare"]
@@ -116,7 +116,7 @@ def compare(
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
         pairs=_pairs(recordings, filmed.likenesses, progress),
-        notes=(*(note for run in runs for note in engine_notes(scene, run.scene)), *filmed.notes),
+        notes=(*notes_of(scene, runs), *filmed.notes),
     )
     curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
     page = page_of(comparison, curves)

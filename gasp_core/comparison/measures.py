@@ -140,7 +140,7 @@ class Comparison:
     pairs
         Of those engines that have frames.
     notes
-        What was left out, and why.
+        What was left out or set otherwise, and why.
     """
 
     scene: str

@@ -16,9 +16,9 @@ from gasp_core.errors import PluginLoadError, RecordingError, SceneError, Unknow
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.runs import Outcome, Run, carry_out
-from gasp_core.scene.model import EngineChoice, Scene
+from gasp_core.scene.model import Scene, engine_notes
 
-__all__ = ["chosen_engines", "run_all", "runs_of"]
+__all__ = ["chosen_engines", "notes_of", "run_all", "runs_of"]
 
 _GLANCE = 0.5
 """Seconds between looks at how many frames there are."""
@@ -70,9 +70,15 @@ def runs_of(
         if name in known:
             own = scene.with_engine(known[name], device=device, precision=precision)
         else:
-            own = dataclasses.replace(scene, engine=EngineChoice(name=name))
+            own = dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, name=name))
         runs.append(Run(key=name, scene=own, out=folder / f"{name}.gasp"))
     return runs
+
+
+def notes_of(scene: Scene, runs: Sequence[Run]) -> tuple[str, ...]:
+    """What each run of `runs_of` could not keep of the scene; nothing is known of a broken engine."""
+    known = discover().engines
+    return tuple(note for run in runs if run.key in known for note in engine_notes(scene, run.scene, known[run.key]))
 
 
 def run_all(runs: Sequence[Run], *, at_once: int, time_limit: float | None, progress: bool | None) -> list[Outcome]:

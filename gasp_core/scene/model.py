@@ -493,18 +493,18 @@ class Scene:
         return frame / self.frame_rate
 
 
-def engine_notes(asked: Scene, given: Scene) -> tuple[str, ...]:
-    """What a scene asked of its own engine and `Scene.with_engine` could not keep, a sentence each."""
+def engine_notes(asked: Scene, given: Scene, engine: EngineDescriptor) -> tuple[str, ...]:
+    """What a scene asked of its own engine and `Scene.with_engine` could not keep with this one, a sentence each."""
     own, other = asked.engine, given.engine
     notes: list[str] = []
     if own.device is not None and other.device is None:
         notes.append(
-            f"{other.name} does not run on {own.device}, which the scene names for {own.name}:"
-            " it runs on its own device"
+            f"{engine.name} does not run on {own.device}, which the scene names for {own.name}:"
+            f" it runs on {engine.capabilities.devices[0]}"
         )
     if own.precision is not None and other.precision is None:
         notes.append(
-            f"{other.name} does not compute in {own.precision.value}, which the scene names for {own.name}:"
-            " it computes in its own precision"
+            f"{engine.name} does not compute in {own.precision.value}, which the scene names for {own.name}:"
+            f" it computes in {engine.capabilities.precisions[0].value}"
         )
     return tuple(notes)

@@ -108,7 +108,7 @@ def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(workplace):
     scene = workplace / "scene.toml"
     scene.write_text(scene.read_text().replace("duration = 0.08", "duration = 4000"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "gasp_core.cli.main", "run", "scene.toml"],
+        [sys.executable, "-m", "gasp_core.cli.main", "run", "scene.toml", "--cores", "0.5", "--precision", "float64"],
         cwd=workplace,
         env=os.environ | {"PYTHONPATH": str(FAKES / "ballistic")},
         stdout=subprocess.PIPE,
@@ -124,7 +124,7 @@ def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(workplace):
         process.kill()
     assert process.returncode == 130
     assert err.startswith("gasp: stopped")
-    assert err.endswith("to go on: gasp run scene.toml --resume\n")
+    assert err.endswith("to go on: gasp run scene.toml --resume --precision float64 --cores 0.5\n")
     assert err.count("\n") == 1
     recording = Recording.open(folder)
     assert recording.status == "incomplete"

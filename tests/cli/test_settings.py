@@ -1,5 +1,7 @@
 """Resolution, device, precision and cores on the command line, the same words for every command."""
 
+import json
+
 import pytest
 
 from gasp_core import Recording
@@ -45,7 +47,8 @@ def test_the_hint_after_a_stop_repeats_what_was_set():
     [
         (["--resolution", "1"], ["--resolution"]),
         (["--precision", "half"], ["--precision", "float32"]),
-        (["--cores", "0"], ["--cores", "no number of cores"]),
+        (["--cores", "0"], ["--cores", "share above 0"]),
+        (["--cores", "-3"], ["--cores", '"-3"', "a whole number"]),
         (["--cores", "1.5"], ["--cores", "share above 0 up to 1"]),
         (["--cores", "nan"], ["--cores"]),
         (["--cores", "some"], ["--cores", '"all"']),
@@ -67,14 +70,49 @@ def test_compare_and_tradeoff_take_a_device_too(gasp, refused, workplace):
     refused("tradeoff", "scene.toml", "--device", "moon", "--fractions", "all", "--repeats", "1", says=["moon"])
 
 
-def test_a_scene_in_single_precision_runs_with_an_engine_that_has_none(gasp, workplace):
-    """With a real engine: the reference computes in double precision alone, and says so."""
+@pytest.fixture
+def single(workplace):
+    """A scene of another engine, on a device and in a precision that the engines of the tests do not have."""
     text = (workplace / "scene.toml").read_text()
-    assert "[engine]" in text
-    (workplace / "single.toml").write_text(
-        text.replace('name = "ballistic"', 'name = "warp-mpm"\nprecision = "float32"').replace("[engine.options]", "")
-    )
-    told = gasp("run", "single.toml", "--engine", "reference-mpm", "--resolution", "4", "--frames", "2")
+    own = 'name = "warp-mpm"\nprecision = "float32"\ndevice = "cuda"'
+    assert 'name = "ballistic"' in text
+    (workplace / "single.toml").write_text(text.replace('name = "ballistic"', own))
+    return workplace
+
+
+def test_a_scene_in_single_precision_runs_with_an_engine_that_has_none(gasp, single):
+    """With a real engine: the reference computes in double precision alone, and says so."""
+    told = gasp("run", "single.toml", "--engine", "reference-mpm", "--resolution", "4")
     assert told.status == 0, told
-    assert "reference-mpm does not compute in float32, which the scene names for warp-mpm" in told.out
-    assert Recording.open(workplace / "single.gasp").engine.precision == "float64"
+    recording = Recording.open(single / "single.gasp")
+    assert (recording.status, recording.engine.precision, recording.engine.device) == ("complete", "float64", "cpu")
+    for note in (
+        "reference-mpm does not run on cuda, which the scene names for warp-mpm: it runs on cpu",
+        "reference-mpm does not compute in float32, which the scene names for warp-mpm: it computes in float64",
+    ):
+        assert note in told.out
+        assert note in recording.notes
+
+
+def test_a_comparison_tells_the_same_and_of_a_broken_engine_only_that_it_is_broken(gasp, installed, single):
+    installed("ballistic", "unimportable")
+    told = gasp("compare", "single.toml", "--engines", "ballistic,unimportable", "--size", "64", "--json")
+    assert told.status == 0, told
+    found = json.loads(told.out)
+    assert [row["status"] for row in found["engines"]] == ["complete", "unable"]
+    assert "installed but cannot be used" in found["engines"][1]["reason"]
+    assert [note for note in found["notes"] if "the scene names" in note] == [
+        "ballistic does not run on cuda, which the scene names for warp-mpm: it runs on cpu",
+        "ballistic does not compute in float32, which the scene names for warp-mpm: it computes in float64",
+    ]
+
+
+def test_a_trade_tells_of_the_device_and_names_its_precisions_itself(gasp, single):
+    few = ("--engine", "ballistic", "--resolutions", "6", "--fractions", "all", "--repeats", "1")
+    told = gasp("tradeoff", "single.toml", *few, "--out", "trade")
+    assert told.status == 0, told
+    note = "ballistic does not run on cuda, which the scene names for warp-mpm: it runs on cpu"
+    assert note in told.out.splitlines()
+    assert json.loads((single / "trade" / "tradeoff.json").read_text())["notes"] == [note]
+    named = gasp("tradeoff", "single.toml", *few, "--device", "cpu", "--out", "named", "--json")
+    assert json.loads(named.out)["notes"] == []

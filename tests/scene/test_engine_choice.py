@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
+from pathlib import Path
 
 import pytest
 
 from gasp_core import EngineChoice, Precision, Reduction, Scene
 from gasp_core.accuracy.tradeoff.settings import Setting, scene_with
-from gasp_core.comparison.running import runs_of
+from gasp_core.comparison.running import notes_of, runs_of
 from gasp_core.engine.registry import discover
 from gasp_core.errors import UnsupportedSceneError
 from gasp_core.scene.model import engine_notes
 from gasp_core.simulation import _chosen
 
+FAKES = Path(__file__).parents[1] / "fake_plugins"
 SINGLE, DOUBLE = Precision.FLOAT32, Precision.FLOAT64
 OWN = EngineChoice(name="warp-mpm", device="cuda", precision=SINGLE, options={"threads": 1}, seed=3)
 
@@ -22,9 +25,22 @@ def of_engine(scene: Scene, **changes) -> Scene:
     return dataclasses.replace(scene, engine=dataclasses.replace(OWN, **changes))
 
 
+@pytest.fixture
+def installed(monkeypatch):
+    """The engines of the tests, beside those that are installed."""
+    for name in ("ballistic", "frail"):
+        monkeypatch.syspath_prepend(FAKES / name)
+    discover.cache_clear()
+    yield
+    discover.cache_clear()
+    for name in [name for name in sys.modules if name.startswith("fake_")]:
+        del sys.modules[name]
+
+
+@pytest.mark.usefixtures("installed")
 @pytest.mark.parametrize("device", [None, "cpu", "cuda"])
 @pytest.mark.parametrize("precision", [None, SINGLE, DOUBLE])
-@pytest.mark.parametrize("name", sorted(discover().engines))
+@pytest.mark.parametrize("name", sorted({*discover().engines, "ballistic", "frail"}))
 def test_every_command_gives_every_engine_the_same_scene(scene_of, tmp_path, name, precision, device):
     scene = of_engine(scene_of(), device=device, precision=precision)
     can = discover().descriptor(name).capabilities
@@ -43,6 +59,14 @@ def test_every_command_gives_every_engine_the_same_scene(scene_of, tmp_path, nam
         assert (run.options, run.seed) == ({}, 3)
 
 
+@pytest.mark.parametrize("name", ["unimportable", "nobody"])
+def test_of_an_engine_that_nobody_knows_the_name_alone_is_set(scene_of, tmp_path, name):
+    scene = of_engine(scene_of())
+    runs = runs_of(scene, [name], tmp_path)
+    assert runs[0].scene == dataclasses.replace(scene, engine=dataclasses.replace(scene.engine, name=name))
+    assert notes_of(scene, runs) == ()
+
+
 def test_what_is_asked_for_by_name_is_kept_even_where_it_will_be_refused(scene_of):
     reference = discover().descriptor("reference-mpm")
     chosen = of_engine(scene_of()).with_engine(reference, device="cuda", precision=SINGLE).engine
@@ -51,14 +75,15 @@ def test_what_is_asked_for_by_name_is_kept_even_where_it_will_be_refused(scene_o
 
 def test_what_another_engine_cannot_keep_is_told(scene_of):
     scene = of_engine(scene_of())
-    told = engine_notes(scene, scene.with_engine(discover().descriptor("reference-mpm")))
+    reference, taichi = (discover().descriptor(name) for name in ("reference-mpm", "taichi-mpm"))
+    told = engine_notes(scene, scene.with_engine(reference), reference)
     assert told == (
-        "reference-mpm does not run on cuda, which the scene names for warp-mpm: it runs on its own device",
-        "reference-mpm does not compute in float32, which the scene names for warp-mpm:"
-        " it computes in its own precision",
+        "reference-mpm does not run on cuda, which the scene names for warp-mpm: it runs on cpu",
+        "reference-mpm does not compute in float32, which the scene names for warp-mpm: it computes in float64",
     )
-    assert engine_notes(scene, scene.with_engine(discover().descriptor("taichi-mpm"))) == ()
-    assert engine_notes(scene, scene) == ()
+    assert engine_notes(scene, scene.with_engine(taichi), taichi) == ()
+    warp = discover().descriptor("warp-mpm")
+    assert engine_notes(scene, scene.with_engine(warp), warp) == ()
 
 
 def test_a_single_precision_scene_runs_with_an_engine_that_has_double_alone(scene_of, run, tmp_path):

@@ -15,13 +15,13 @@ from gasp_core.accuracy.tradeoff.measuring import measure
 from gasp_core.accuracy.tradeoff.plot import pictures
 from gasp_core.accuracy.tradeoff.refining import RUNS, ladder, refine
 from gasp_core.accuracy.tradeoff.report import Row, Tradeoff, rows_of
-from gasp_core.accuracy.tradeoff.settings import Setting, default_resolutions, grid
+from gasp_core.accuracy.tradeoff.settings import Setting, default_resolutions, grid, scene_with
 from gasp_core.accuracy.tradeoff.truth import ClosedForm, load_truth
 from gasp_core.engine.registry import discover
 from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
-from gasp_core.scene.model import Scene
+from gasp_core.scene.model import Scene, engine_notes
 
 __all__ = ["ClosedForm", "Row", "Setting", "Tradeoff", "default_resolutions", "grid", "load_truth", "tradeoff"]
 
@@ -88,7 +88,9 @@ def tradeoff(
     if repeats < 1:
         raise AccuracyError(f"repeats must be at least 1, found {repeats!r}: without one nothing is timed")
     descriptor = discover().descriptor(engine or scene.engine.name)
-    scene = scene.with_engine(descriptor, device=device)
+    asked, scene = scene, scene.with_engine(descriptor, device=device)
+    # As a setting has it: that names the precision itself.
+    notes = engine_notes(asked, scene_with(scene, settings[0]), descriptor)
     steps = () if truth is not None else ladder(settings, descriptor.capabilities.precisions)
     recordings = _prepared(out, overwrite)
     surroundings = machine()
@@ -125,6 +127,7 @@ def tradeoff(
         rows=rows,
         truth=measured_by.description(),
         machine=surroundings,
+        notes=notes,
     )
     texts = {"json": result.json_text().encode(), "csv": result.csv_text().encode()}
     for ending, content in {**texts, **pictures(result)}.items():

@@ -120,6 +120,8 @@ class Tradeoff:
         As `Truth.description` has it.
     machine
         Where the times were measured.
+    notes
+        What the scene asks of its own engine and this one does not have.
     """
 
     scene: str
@@ -127,6 +129,7 @@ class Tradeoff:
     rows: tuple[Row, ...]
     truth: dict[str, Any]
     machine: dict[str, Any]
+    notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
         """As JSON values."""
@@ -136,6 +139,7 @@ class Tradeoff:
             "engine": self.engine,
             "truth": self.truth,
             "machine": self.machine,
+            "notes": list(self.notes),
             "settings": rows,
         }
 
