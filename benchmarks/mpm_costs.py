@@ -24,13 +24,31 @@ from typing import Any
 
 import numpy as np
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
-from gasp_core.engine.detector import inspect, watch_over
-from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Wind
-from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
-from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    Domain,
+    DomainPolicy,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    Fluid,
+    Foam,
+    HalfSpace,
+    Metal,
+    NeoHookean,
+    Plasticine,
+    PointCloud,
+    PointProblem,
+    Precision,
+    Sand,
+    Snow,
+    Status,
+    Wind,
+)
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
+from gasp_core.simulation.monitor import inspect, watch_over
 
 sys.path.insert(0, str(Path(__file__).parent / "mpm"))
 from scene import GRAVITY, STEP, jittered_cube, velocities_of

@@ -24,10 +24,9 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
+from gasp_core.contract import Elastic, EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
 
 SPACING, PER_AXIS = 0.1, 8
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)

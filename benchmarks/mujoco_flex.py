@@ -17,11 +17,18 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 
 import gasp_core as gasp
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
-from gasp_core.engine.forcing import Collider, Pinned
-from gasp_core.engine.materials import Elastic, Rigid
-from gasp_core.engine.shapes import HalfSpace
-from gasp_core.simulation import prepare
+from gasp_core.contract import (
+    Collider,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    HalfSpace,
+    Pinned,
+    PointCloud,
+    PointProblem,
+    Rigid,
+)
+from gasp_core.simulation.sources import prepare
 
 DATA = Path(os.environ.get("GASP_DATA", "../shared/data"))
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)

@@ -18,8 +18,8 @@ from gasp_renderer.rasteriser import NumbaRenderer, empty_picture, tile_lists
 from gasp_renderer.sorting import front_to_back
 
 from gasp_core.io import read_splat
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
-from gasp_core.splats import Splats
 
 DATA = Path(os.environ.get("GASP_DATA", "../shared/data"))
 CASES = [
@@ -87,7 +87,7 @@ def main():
     print(f"{'splat':<12} {'picture':>9} {'SH':>2} {'Gaussians':>9} {'ms':>6} {'least':>6} {'ns each':>7}", end="")
     print("".join(f" {name:>7}" for name in names))
     for name, width, height in CASES:
-        splats = Splats.of(read_splat(DATA / "splats" / name))
+        splats = RenderInput.of(read_splat(DATA / "splats" / name))
         camera, count = framed(splats.means, width, height), len(splats)
         renderer = NumbaRenderer()
         scratch = np.zeros((count, FIELDS), np.float32), np.zeros(count), np.zeros((count, 4), np.int16)

@@ -1,4 +1,4 @@
-"""Why stress acts as it does: the two choices of `gasp_core.engine.mpm`, each varied in the reference engine.
+"""Why stress acts as it does: the two choices of `gasp_core.stepping.mpm`, each varied in the reference engine.
 
 A cantilever that bends by a quarter of its length under its own weight (V7, K = 2), by the share of the splines' own
 gradient in the kernel of the stress; and a short one of growing Poisson's ratio (V6), by how the dilation is averaged.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import gasp_reference_mpm.matter as matter
+import gasp_reference_mpm.material_points as matter
 import gasp_reference_mpm.transfer as transfer
 from gasp_conformance.cases import beam_hangs
 from gasp_conformance.extreme_cases import beam_swings

@@ -13,8 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
     Determinism,
+    Elastic,
     EngineAccuracy,
     EngineCapabilities,
     EngineDescriptor,
@@ -28,8 +29,7 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.worker.engine import WorkerEngine, own_interpreter
+from gasp_core.engines.worker.engine import WorkerEngine, own_interpreter
 
 POINTS = 1_000_000
 FRAMES = 40

@@ -8,31 +8,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gasp_core.comparison import Comparison, compare
-    from gasp_core.engine.contract import EngineAccuracy, Precision
-    from gasp_core.engine.forcing import (
+    from gasp_core.contract import (
+        BoxShape,
         Collider,
         ContactCondition,
         Domain,
         DomainPolicy,
         Driven,
-        Impulse,
-        Pinned,
-        Side,
-        Wind,
-    )
-    from gasp_core.engine.materials import (
         Elastic,
+        EngineAccuracy,
         Fluid,
         Foam,
+        HalfSpace,
+        Impulse,
         Metal,
         NeoHookean,
+        Pinned,
         Plasticine,
+        Precision,
         Rigid,
         Sand,
+        Side,
         Snow,
+        SphereShape,
+        Wind,
     )
-    from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
     from gasp_core.errors import GaspError
     from gasp_core.gaussians import Gaussians
     from gasp_core.io import read_splat, write_splat
@@ -55,7 +55,8 @@ if TYPE_CHECKING:
         load_scene,
         scene_to_toml,
     )
-    from gasp_core.simulation import simulate
+    from gasp_core.simulation.driver import simulate
+    from gasp_core.studies.comparison import Comparison, compare
 
 __all__ = [
     "Bend",
@@ -108,11 +109,11 @@ __all__ = [
 ]
 
 _HOMES = {
-    "gasp_core.comparison": "Comparison compare",
-    "gasp_core.engine.contract": "EngineAccuracy Precision",
-    "gasp_core.engine.forcing": "Collider ContactCondition Domain DomainPolicy Driven Impulse Pinned Side Wind",
-    "gasp_core.engine.materials": "Elastic Fluid Foam Metal NeoHookean Plasticine Rigid Sand Snow",
-    "gasp_core.engine.shapes": "BoxShape HalfSpace SphereShape",
+    "gasp_core.studies.comparison": "Comparison compare",
+    "gasp_core.contract": (
+        "BoxShape Collider ContactCondition Domain DomainPolicy Driven Elastic EngineAccuracy Fluid Foam HalfSpace"
+        " Impulse Metal NeoHookean Pinned Plasticine Precision Rigid Sand Side Snow SphereShape Wind"
+    ),
     "gasp_core.errors": "GaspError",
     "gasp_core.gaussians": "Gaussians",
     "gasp_core.io": "read_splat write_splat",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core import jacobi
+from gasp_core import linalg3
 from gasp_core.errors import SceneError
 from gasp_core.games import Covariance, deformation_gradients, to_simplices
 from gasp_core.gaussians import Gaussians
@@ -128,7 +128,7 @@ def limit_stretches(
         gradients = gradients @ _inverses(deformation_gradients(before, reference))
     gradients = np.ascontiguousarray(gradients)
     bounded, clipped = np.empty_like(gradients), np.empty(len(gradients), dtype=np.bool_)
-    jacobi.bounded_stretches(gradients, alpha, bounded, clipped, jacobi.chunk_count(len(gradients)))
+    linalg3.bounded_stretches(gradients, alpha, bounded, clipped, linalg3.chunk_count(len(gradients)))
     limited = np.array(simplices, dtype=np.float64)
     rows = np.flatnonzero(clipped)
     rest = to_simplices(reference.select(rows), vertices) if before is None else before[rows]

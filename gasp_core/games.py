@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core import jacobi
+from gasp_core import linalg3, simplex_frames
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians, rotation_matrices
 from gasp_core.harmonics import turn_coefficients
@@ -256,7 +256,7 @@ def polar_rotations(matrices: Array) -> Array:
     """
     rotations = np.empty((len(matrices), 3, 3))
     source = np.ascontiguousarray(matrices, dtype=np.float64)
-    jacobi.polar_rotations(source, rotations, jacobi.chunk_count(len(source)))
+    linalg3.polar_rotations(source, rotations, linalg3.chunk_count(len(source)))
     return rotations
 
 
@@ -314,14 +314,14 @@ def invert_simplices(
     if moved.ndim != 3 or moved.shape[0] != count or moved.shape[1] not in (3, 4) or moved.shape[2] != 3:
         raise SceneError(f"simplices have shape {moved.shape}, expected ({count}, 3 or 4, 3) as the reference has")
     if covariance == "gram_schmidt":
-        frames = jacobi.gram_schmidt_frames
+        frames = simplex_frames.gram_schmidt_frames
     elif covariance == "exact":
-        frames = jacobi.flat_frames if moved.shape[1] == 3 else jacobi.full_frames
+        frames = simplex_frames.flat_frames if moved.shape[1] == 3 else simplex_frames.full_frames
     else:
         raise SceneError(f'covariance must be "exact" or "gram_schmidt", found {covariance!r}')
     quaternions, scales, valid = np.empty((count, 4)), np.empty((count, 3)), np.empty(count, dtype=np.bool_)
     rest_scales = np.ascontiguousarray(reference.scales, dtype=np.float64)
-    frames(moved, rest_scales, quaternions, scales, valid, jacobi.chunk_count(count))
+    frames(moved, rest_scales, quaternions, scales, valid, linalg3.chunk_count(count))
     degenerate = ~valid
     if degenerate.any():
         last = reference if previous is None else previous

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scene import DENSITY, GRAVITY, POISSONS_RATIO, STEP, YOUNGS_MODULUS, jittered_cube, velocities_of
 
-from gasp_core.engine.opening import open_engine
+from gasp_core.engines.opening import open_engine
 
 Burst = Callable[[int], None]
 Read = Callable[[], Any]
@@ -66,11 +66,18 @@ def open_ours(
     engine: str, cells: int, points: int, threads: int, precision: str, material: str
 ) -> tuple[int, Burst, Read]:
     """An engine of GASP, with a floor, and all that guards a session."""
-    from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision, Status
-    from gasp_core.engine.forcing import Collider
-    from gasp_core.engine.materials import Elastic, NeoHookean
-    from gasp_core.engine.registry import discover
-    from gasp_core.engine.shapes import HalfSpace
+    from gasp_core.contract import (
+        Collider,
+        Elastic,
+        EngineAccuracy,
+        HalfSpace,
+        NeoHookean,
+        PointCloud,
+        PointProblem,
+        Precision,
+        Status,
+    )
+    from gasp_core.discovery.registry import discover
 
     registry = discover()
     options = registry.descriptor(engine).options

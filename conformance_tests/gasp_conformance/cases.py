@@ -25,8 +25,7 @@ from gasp_conformance.observables import (
 )
 from gasp_conformance.scenes import SharedScene, shared_scene, thrown_block
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.engine.contract import Field
-from gasp_core.engine.materials import Elastic, Fluid, Material
+from gasp_core.contract import Elastic, Field, Fluid, Material
 
 __all__ = [
     "BarsCollide",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.engine.contract import PointCloud
+from gasp_core.contract import PointCloud
 
 __all__ = ["POINTS_PER_CELL", "ball_of_points", "box_of_points", "cloud_of", "jittered", "point_volume"]
 

@@ -18,22 +18,31 @@ from gasp_conformance.bounds import place_rounding
 from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.specimens import block_problem, lone_points, plain_material, specimen
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.engine.capabilities import check_supported
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Precision
-from gasp_core.engine.forcing import (
+from gasp_core.contract import (
+    MATERIALS,
+    SHAPES,
+    BoxShape,
     Collider,
     ContactCondition,
     Domain,
     DomainPolicy,
     Drive,
     Driven,
+    EngineAccuracy,
+    Field,
     ForceField,
+    HalfSpace,
     Impulse,
+    Material,
     Pinned,
+    PointCloud,
+    PointProblem,
+    PointState,
+    Precision,
+    SphereShape,
     Wind,
 )
-from gasp_core.engine.materials import MATERIALS, Material
-from gasp_core.engine.shapes import SHAPES, BoxShape, HalfSpace, SphereShape
+from gasp_core.contract.capabilities import check_supported
 from gasp_core.errors import UnsupportedSceneError
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from gasp_conformance.checks import Level
 from gasp_conformance.report import CheckResult, Outcome, Unproven
-from gasp_core.engine.contract import EngineCapabilities, Field, Precision
+from gasp_core.contract import EngineCapabilities, Field, Precision
 
 __all__ = ["ABSENT", "base_name", "declared", "unproven"]
 

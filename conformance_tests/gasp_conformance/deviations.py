@@ -21,7 +21,7 @@ from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
-from gasp_core.engine.contract import EngineDescriptor, Precision
+from gasp_core.contract import EngineDescriptor, Precision
 from gasp_core.errors import GaspError
 
 __all__ = ["FILE_NAME", "Deviation", "DeviationsError", "deviations_of", "read_deviations"]

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState
+from gasp_core.contract import EngineAccuracy, Field, PointProblem, PointState
 
 __all__ = ["Elsewhere", "run_elsewhere"]
 
@@ -147,7 +147,7 @@ def _loaded(path: Path) -> PointState | None:
 
 def _run(engine: str, precision: str, device: str, job: Path, result: Path) -> None:
     from gasp_conformance.subject import find_subject
-    from gasp_core.engine.contract import Precision
+    from gasp_core.contract import Precision
 
     # Written by our own parent a moment ago.
     problem, accuracy, times, fields = pickle.loads(job.read_bytes())

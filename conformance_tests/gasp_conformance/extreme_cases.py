@@ -22,13 +22,27 @@ from gasp_conformance.observables import damped_oscillation
 from gasp_conformance.specimens import NO_GRAVITY, plain_material
 from gasp_conformance.subject import Journal, Subject
 from gasp_conformance.watched_runs import WatchedRun, watch_run
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Status
-from gasp_core.engine.detector import inspect, watch_over
-from gasp_core.engine.forcing import Collider, ContactCondition, Domain, DomainPolicy, Side
-from gasp_core.engine.materials import Elastic, Material, NeoHookean
-from gasp_core.engine.shapes import BoxShape, HalfSpace
-from gasp_core.engine.stability import rest_bound
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Domain,
+    DomainPolicy,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    HalfSpace,
+    Material,
+    NeoHookean,
+    PointCloud,
+    PointProblem,
+    PointState,
+    Side,
+    Status,
+)
 from gasp_core.errors import EngineDivergedError
+from gasp_core.simulation.monitor import inspect, watch_over
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = [
     "CAGE_HIGH",

@@ -15,9 +15,20 @@ from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.specimens import NO_GRAVITY, lone_points, plain_material, resting_block
 from gasp_conformance.subject import Journal, Subject
 from gasp_conformance.wall_cases import stiff_material
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Status, StepReport
-from gasp_core.engine.forcing import Domain, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.contract import (
+    BoxShape,
+    Domain,
+    DomainPolicy,
+    Driven,
+    EngineAccuracy,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointProblem,
+    Status,
+    StepReport,
+    Wind,
+)
 
 __all__ = [
     "Deviation",

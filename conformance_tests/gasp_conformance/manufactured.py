@@ -17,9 +17,7 @@ from gasp_conformance import oracles
 from gasp_conformance.clouds import POINTS_PER_CELL, point_volume
 from gasp_conformance.scenes import SharedScene, shared_scene
 from gasp_conformance.subject import Subject
-from gasp_core.engine.forcing import Impulse
-from gasp_core.engine.materials import NeoHookean
-from gasp_core.engine.shapes import BoxShape
+from gasp_core.contract import BoxShape, Impulse, NeoHookean
 
 __all__ = ["bar_is_made_to_move"]
 

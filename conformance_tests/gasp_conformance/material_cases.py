@@ -19,10 +19,23 @@ from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.observables import damped_oscillation, mode_amplitude
 from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
-from gasp_core.engine.forcing import Collider, ContactCondition
-from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Rigid, Sand, Snow
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import (
+    Collider,
+    ContactCondition,
+    Elastic,
+    EngineAccuracy,
+    Fluid,
+    Foam,
+    HalfSpace,
+    Material,
+    Metal,
+    NeoHookean,
+    Plasticine,
+    PointProblem,
+    Rigid,
+    Sand,
+    Snow,
+)
 
 __all__ = [
     "Decay",

@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from gasp_conformance import oracles
 from gasp_conformance.scenes import shared_scene, thrown_block
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Elastic, EngineAccuracy, PointProblem
 
 __all__ = [
     "ACROSS_THE_GRID",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_core.engine.hookspecs import Command, hookimpl
+from gasp_core.discovery.hookspecs import Command, hookimpl
 
 __all__ = ["gasp_commands"]
 

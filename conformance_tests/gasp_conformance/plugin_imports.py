@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gasp_core.engine.foreign import quietly
-from gasp_core.engine.hookspecs import ENTRY_POINT_GROUP
-from gasp_core.engine.plugins import read_plugin
+from gasp_core.discovery.hookspecs import ENTRY_POINT_GROUP
+from gasp_core.discovery.loading import quietly
+from gasp_core.discovery.plugins import read_plugin
 
 __all__ = ["PluginImports", "plugin_imports", "plugin_modules"]
 

@@ -60,7 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _find(config: pytest.Config, name: str) -> None:
     from gasp_conformance.subject import find_subject, isolated_subject
-    from gasp_core.engine.contract import Precision
+    from gasp_core.contract import Precision
     from gasp_core.errors import GaspError
 
     precision, device = config.getoption("--gasp-precision"), config.getoption("--gasp-device")

@@ -19,7 +19,7 @@ from pathlib import Path
 from gasp_conformance.random_scenes import describe, random_scene
 from gasp_conformance.subject import Subject, find_subject
 from gasp_conformance.watched_runs import watch_run
-from gasp_core.engine.contract import Precision
+from gasp_core.contract import Precision
 
 __all__ = ["HUNG_AFTER", "Outcome", "run_batch", "run_scene"]
 

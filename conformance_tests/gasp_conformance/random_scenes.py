@@ -13,34 +13,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_conformance.specimens import specimen
-from gasp_core.engine.contract import EngineAccuracy, EngineCapabilities, PointCloud, PointProblem
-from gasp_core.engine.forcing import (
+from gasp_core.contract import (
+    BoxShape,
     Collider,
     ContactCondition,
     Domain,
     DomainPolicy,
     Drive,
     Driven,
-    ForceField,
-    Impulse,
-    Pinned,
-    Side,
-    Wind,
-)
-from gasp_core.engine.materials import (
     Elastic,
+    EngineAccuracy,
+    EngineCapabilities,
     Fluid,
     Foam,
+    ForceField,
+    HalfSpace,
+    Impulse,
     Material,
     Metal,
     NeoHookean,
+    Pinned,
     Plasticine,
+    PointCloud,
+    PointProblem,
     Rigid,
     Sand,
+    Side,
     Snow,
+    SphereShape,
+    Vector,
+    Wind,
 )
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape, Vector
-from gasp_core.engine.stability import rest_bound
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = ["CLOUDS", "SEED", "RandomScene", "describe", "random_scene"]
 

@@ -19,8 +19,17 @@ from gasp_conformance.observables import angular_momentum
 from gasp_conformance.specimens import NO_GRAVITY, lone_points, specimen
 from gasp_conformance.subject import Journal, Subject, finite_state
 from gasp_conformance.wall_cases import stiff_material
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Status
-from gasp_core.engine.materials import Elastic, Material, NeoHookean
+from gasp_core.contract import (
+    Elastic,
+    EngineAccuracy,
+    Field,
+    Material,
+    NeoHookean,
+    PointCloud,
+    PointProblem,
+    PointState,
+    Status,
+)
 
 __all__ = [
     "Carried",

@@ -19,13 +19,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gasp_conformance.clouds import ball_of_points, box_of_points, cloud_of, jittered
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
-from gasp_core.engine.forcing import Collider, ContactCondition, Drive, Driven, ForceField, Impulse, Pinned, Wind
-from gasp_core.engine.materials import MATERIALS as KINDS
-from gasp_core.engine.materials import Material
-from gasp_core.engine.shapes import SHAPES, BoxShape, HalfSpace, SphereShape, Vector
-from gasp_core.engine.stability import rest_bound
+from gasp_core.contract import MATERIALS as KINDS
+from gasp_core.contract import (
+    SHAPES,
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Drive,
+    Driven,
+    EngineAccuracy,
+    ForceField,
+    HalfSpace,
+    Impulse,
+    Material,
+    Pinned,
+    PointProblem,
+    SphereShape,
+    Vector,
+    Wind,
+)
 from gasp_core.scene.tables import Table
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = ["MATERIALS", "SUBSTEPS", "Body", "SharedScene", "Throw", "shared_scene", "thrown_block"]
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.subject import Subject
-from gasp_core.engine.contract import EngineCapabilities, PointCloud, PointProblem
-from gasp_core.engine.materials import MATERIALS, Material
+from gasp_core.contract import MATERIALS, EngineCapabilities, Material, PointCloud, PointProblem
 
 __all__ = ["NO_GRAVITY", "block_problem", "lone_points", "plain_material", "resting_block", "specimen"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from gasp_core.engine.capabilities import needs, unmet
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
     Determinism,
     EngineAccuracy,
     EngineDescriptor,
@@ -19,10 +18,11 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.detector import non_finite_rows
-from gasp_core.engine.opening import open_engine, open_worker
-from gasp_core.engine.registry import EngineOffer, discover
+from gasp_core.contract.capabilities import needs, unmet
+from gasp_core.discovery.registry import EngineOffer, discover
+from gasp_core.engines.opening import open_engine, open_worker
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
+from gasp_core.simulation.monitor import non_finite_rows
 
 __all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state", "isolated_subject"]
 

@@ -12,8 +12,7 @@ from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.scenes import MATERIALS, thrown_block
 from gasp_conformance.subject import Subject
-from gasp_core.engine.contract import Field, PointProblem
-from gasp_core.engine.materials import Material
+from gasp_core.contract import Field, Material, PointProblem
 
 
 @check("agreement", Level.AGREEMENT)

@@ -25,21 +25,33 @@ from gasp_conformance.declarations import ABSENT, declared
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Subject, Undeclared, find_subject
-from gasp_core.engine.contract import Determinism, Field, Precision, Quantity, Status
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.materials import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
+    Determinism,
+    DomainPolicy,
+    Driven,
     Elastic,
+    Field,
     Fluid,
     Foam,
+    HalfSpace,
+    Impulse,
     Material,
     Metal,
     NeoHookean,
+    Pinned,
     Plasticine,
+    Precision,
+    Quantity,
     Rigid,
     Sand,
+    Side,
     Snow,
+    SphereShape,
+    Status,
+    Wind,
 )
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 from gasp_core.errors import EngineEnvironmentError
 
 Array = NDArray[Any]
@@ -99,7 +111,7 @@ Need = Callable[[bool, str], None]
 # --- materials ------------------------------------------------------------------------------------------------------
 
 STRESSES: Mapping[type[Material], Callable[[Array], Array]] = {
-    # P / E of a stretch F with nu = 0, so mu = E/2 and lambda = 0; the laws are in `gasp_core.engine.materials`.
+    # P / E of a stretch F with nu = 0, so mu = E/2 and lambda = 0; the laws are in `gasp_core.contract.materials`.
     Elastic: lambda stretch: stretch - 1,
     NeoHookean: lambda stretch: (stretch - 1 / stretch) / 2,
     Snow: lambda stretch: stretch - 1,

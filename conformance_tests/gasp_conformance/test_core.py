@@ -33,11 +33,16 @@ from gasp_conformance.ledger import Ledger
 from gasp_conformance.plugin_imports import plugin_imports, plugin_modules
 from gasp_conformance.specimens import NO_GRAVITY, block_problem, plain_material
 from gasp_conformance.subject import Subject, finite_state
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Drive,
     EngineAccuracy,
     EngineSession,
     Field,
+    ForceField,
+    Material,
     PointProblem,
     PointState,
     Precision,
@@ -45,13 +50,11 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Drive, ForceField
-from gasp_core.engine.materials import Material
-from gasp_core.engine.options import build_options
-from gasp_core.engine.plugins import offer_fault
-from gasp_core.engine.registry import discover
-from gasp_core.engine.stability import rest_bound
+from gasp_core.contract.options import build_options
+from gasp_core.discovery.plugins import offer_fault
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError
+from gasp_core.stepping.time_step import rest_bound
 
 Array = NDArray[Any]
 

@@ -20,8 +20,7 @@ from gasp_conformance.ledger import Ledger
 from gasp_conformance.random_batch import run_batch
 from gasp_conformance.subject import Subject, Undeclared
 from gasp_conformance.watched_runs import WatchedRun
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, Status
-from gasp_core.engine.forcing import DomainPolicy
+from gasp_core.contract import DomainPolicy, EngineAccuracy, PointCloud, Status
 from gasp_core.errors import SceneError
 
 QUICK_SCENES = 40

@@ -20,8 +20,7 @@ from gasp_conformance.ledger import Ledger
 from gasp_conformance.metamorphic import Change
 from gasp_conformance.scenes import MATERIALS, shared_scene
 from gasp_conformance.subject import Subject
-from gasp_core.engine.contract import Determinism, Quantity
-from gasp_core.engine.materials import Material
+from gasp_core.contract import Determinism, Material, Quantity
 
 each_material = pytest.mark.parametrize("material", MATERIALS.values(), ids=lambda material: material.kind)
 

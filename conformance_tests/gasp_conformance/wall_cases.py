@@ -15,10 +15,17 @@ from gasp_conformance.bounds import place_rounding
 from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.specimens import NO_GRAVITY, plain_material
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
-from gasp_core.engine.forcing import Collider, ContactCondition, Side
-from gasp_core.engine.materials import Material
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    EngineAccuracy,
+    HalfSpace,
+    Material,
+    PointProblem,
+    Side,
+    SphereShape,
+)
 
 __all__ = ["Impact", "Slope", "impacts", "on_slope", "stiff_material"]
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_conformance.subject import Subject, Undeclared
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    DomainPolicy,
     EngineAccuracy,
     EngineSession,
     Field,
@@ -20,9 +21,8 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.detector import Watch, inspect, non_finite_rows, released_potential, watch_over
-from gasp_core.engine.forcing import DomainPolicy
 from gasp_core.errors import GaspError
+from gasp_core.simulation.monitor import Watch, inspect, non_finite_rows, released_potential, watch_over
 
 __all__ = ["WatchedRun", "watch_run"]
 

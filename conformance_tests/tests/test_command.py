@@ -29,9 +29,9 @@ from gasp_conformance.report import (
 )
 
 PLUGIN = """
-from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
+from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.contract import Elastic
 
 
 @hookimpl
@@ -61,7 +61,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from gasp_core.engine.contract import PointState, Status, StepReport
+from gasp_core.contract import PointState, Status, StepReport
 
 STEP = 1e-3
 

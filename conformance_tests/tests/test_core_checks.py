@@ -26,24 +26,37 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    MATERIALS,
+    BoxShape,
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Driven,
+    Elastic,
     EngineAccuracy,
     EngineCapabilities,
     EngineDescriptor,
     Field,
+    Foam,
+    HalfSpace,
+    Impulse,
+    Material,
+    Metal,
+    Pinned,
+    Plasticine,
     PointProblem,
     PointState,
     Precision,
     Quantity,
+    Snow,
+    SphereShape,
     Status,
     StepReport,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.materials import MATERIALS, Elastic, Foam, Material, Metal, Plasticine, Snow
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_core.engine.stability import refuse_unstable_substep, substeps_to
 from gasp_core.errors import SceneError
+from gasp_core.stepping.time_step import refuse_unstable_substep, substeps_to
 
 Place = Callable[[PointProblem, float], np.ndarray]
 
@@ -324,7 +337,7 @@ def test_an_undeclared_thing_that_is_not_refused_is_named(monkeypatch: pytest.Mo
 
 def test_a_plugin_that_imports_its_backend_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plugin = (
-        "from gasp_core.engine.hookspecs import hookimpl\n"
+        "from gasp_core.discovery.hookspecs import hookimpl\n"
         "import fractions\n"
         "{}\n"
         "@hookimpl\n"

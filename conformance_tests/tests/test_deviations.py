@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from gasp_conformance.deviations import Deviation, DeviationsError, deviations_of, read_deviations
 
-from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Precision
+from gasp_core.contract import Determinism, EngineCapabilities, EngineDescriptor, Precision
 
 TEXT = '[[deviation]]\ncheck = "V12"\nreason = "slides\\n too  far"\n'
 

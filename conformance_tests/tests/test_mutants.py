@@ -18,7 +18,7 @@ import pytest
 from gasp_conformance.checks import Level
 from gasp_conformance.collection import collected_checks
 
-from gasp_core.engine.registry import discover
+from gasp_core.discovery.registry import discover
 
 pytest_plugins = ["pytester"]
 
@@ -56,9 +56,9 @@ HARMLESS = ("close-twice", "lifecycle", "substep-obeyed")
 HASTY = """
 import scipy.optimize
 
-from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
+from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.contract import Elastic
 
 @hookimpl
 def gasp_point_engines():

@@ -18,24 +18,34 @@ from gasp_conformance.random_scenes import CLOUDS, RandomScene, describe, random
 from gasp_conformance.subject import Subject, find_subject
 from gasp_conformance.watched_runs import WatchedRun, watch_run
 
-from gasp_core.engine.capabilities import needs, unmet
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    MATERIALS,
+    BoxShape,
+    ContactCondition,
     Determinism,
+    Domain,
+    DomainPolicy,
+    Driven,
+    Elastic,
     EngineAccuracy,
     EngineCapabilities,
     EngineDescriptor,
     Field,
+    HalfSpace,
+    Impulse,
+    Material,
+    Pinned,
     PointCloud,
     PointProblem,
     PointState,
     Precision,
+    SphereShape,
     Status,
     StepReport,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, Domain, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.materials import MATERIALS, Elastic, Material
-from gasp_core.engine.registry import discover
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract.capabilities import needs, unmet
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import SceneError
 
 LITTLE = EngineCapabilities(
@@ -405,8 +415,8 @@ def test_an_imposed_step_may_be_found_out_a_frame_late_and_no_later() -> None:
 SICK = """
 import os, time
 from dataclasses import replace
-from gasp_core.engine.contract import EngineDescriptor
-from gasp_core.engine.hookspecs import hookimpl
+from gasp_core.contract import EngineDescriptor
+from gasp_core.discovery.hookspecs import hookimpl
 from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.plugin import CAPABILITIES
 

@@ -28,10 +28,20 @@ from gasp_conformance.report import (
 from gasp_conformance.table import WIDTH, report_lines
 from gasp_conformance.verdict import judge
 
-from gasp_core.engine.contract import Determinism, EngineCapabilities, Field, Precision, Quantity
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Impulse, Wind
-from gasp_core.engine.materials import Elastic, Sand
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import (
+    ContactCondition,
+    Determinism,
+    DomainPolicy,
+    Elastic,
+    EngineCapabilities,
+    Field,
+    HalfSpace,
+    Impulse,
+    Precision,
+    Quantity,
+    Sand,
+    Wind,
+)
 from gasp_core.errors import GaspError
 
 

@@ -13,8 +13,8 @@ from gasp_conformance import metamorphic, scenes
 from gasp_conformance.clouds import ball_of_points, box_of_points, jittered, point_volume
 from gasp_conformance.scenes import MATERIALS, shared_scene, thrown_block
 
-from gasp_core.engine.stability import rest_bound
 from gasp_core.errors import SceneError
+from gasp_core.stepping.time_step import rest_bound
 
 FILES = sorted(
     file.name.removesuffix(".toml")

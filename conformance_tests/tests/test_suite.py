@@ -23,8 +23,9 @@ from gasp_conformance.deviations import read_deviations
 from gasp_conformance.matrix import Column
 from gasp_conformance.report import Outcome, Report, VerdictOutcome, read_report
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
     Determinism,
+    Elastic,
     EngineAccuracy,
     EngineCapabilities,
     EngineDescriptor,
@@ -36,10 +37,9 @@ from gasp_core.engine.contract import (
     Status,
     StepReport,
 )
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.plugins import FoundPlugin, installed_plugins
-from gasp_core.engine.registry import Registry, discover
+from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.discovery.plugins import FoundPlugin, installed_plugins
+from gasp_core.discovery.registry import Registry, discover
 
 pytest_plugins = ["pytester"]
 

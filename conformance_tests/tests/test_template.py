@@ -42,7 +42,8 @@ def test_the_copy_is_an_engine_of_its_own(tmp_path: Path) -> None:
         if file.suffix in (".py", ".toml", ".md"):
             assert not names.search(file.read_text(encoding="utf-8")), file
     plugin = (
-        "import my_engine.plugin as plugin, gasp_core.engine.plugins as core; print(core.read_plugin(plugin).engines)"
+        "import my_engine.plugin as plugin, gasp_core.discovery.plugins as core;"
+        " print(core.read_plugin(plugin).engines)"
     )
     told = subprocess.run([sys.executable, "-c", plugin], cwd=copy, capture_output=True, text=True, check=True).stdout
     assert "name='my-engine'" in told and "factory='my_engine.engine:MyEngine'" in told

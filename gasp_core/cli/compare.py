@@ -12,7 +12,7 @@ from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.size import Size
 
 if TYPE_CHECKING:
-    from gasp_core.comparison import Comparison, Pair, Row
+    from gasp_core.studies.comparison import Comparison, Pair, Row
 
 __all__ = ["compare"]
 

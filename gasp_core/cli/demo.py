@@ -11,7 +11,7 @@ import click
 from gasp_core.errors import RecordingError, UnknownEngineError
 
 if TYPE_CHECKING:
-    from gasp_core.engine.registry import Registry
+    from gasp_core.discovery.registry import Registry
     from gasp_core.recording import Recording
 
 __all__ = ["Setting", "demo", "scene_text", "setting_for"]
@@ -58,7 +58,7 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
     Makes a toy bear of flat Gaussians, drops it on a floor, films that, and writes every frame as a splat file. What it
     makes is an ordinary scene to play with.
     """
-    from gasp_core.engine.registry import discover
+    from gasp_core.discovery.registry import discover
 
     name, setting = setting_for(engine, discover())
     folder = _new_folder(out)
@@ -118,7 +118,7 @@ def setting_for(engine: str | None, registry: Registry) -> tuple[str, Setting]:
     UnknownEngineError
         Where no engine is ready.
     """
-    from gasp_core.engine.listing import engine_rows
+    from gasp_core.discovery.status import engine_rows
 
     if engine is not None:
         registry.offer(engine)

@@ -10,7 +10,7 @@ import click
 from gasp_core.cli.printing import print_json, print_table
 
 if TYPE_CHECKING:
-    from gasp_core.engine.listing import EngineRow
+    from gasp_core.discovery.status import EngineRow
 
 __all__ = ["engines", "install", "remove"]
 
@@ -38,8 +38,8 @@ def engines(context: click.Context, as_json: bool) -> None:
         if as_json:
             raise click.UsageError("--json is of the list alone: leave it out")
         return
-    from gasp_core.engine.listing import engine_rows
-    from gasp_core.engine.registry import discover
+    from gasp_core.discovery.registry import discover
+    from gasp_core.discovery.status import engine_rows
 
     rows = engine_rows(discover())
     if as_json:
@@ -64,8 +64,8 @@ def install(name: str, python: Path | None) -> None:
     NAME is an engine that "gasp engines" lists as "not installed" or "outdated". Its packages are installed into a
     folder of its own under your data folder, or under GASP_ENVIRONMENTS. Ctrl-C stops it; the same command begins anew.
     """
-    from gasp_core.engine.registry import discover
-    from gasp_core.engine.worker.installing import install as build
+    from gasp_core.discovery.registry import discover
+    from gasp_core.engines.installation import install as build
 
     build(discover().descriptor(name), click.echo, python)
 
@@ -74,8 +74,8 @@ def install(name: str, python: Path | None) -> None:
 @click.argument("name")
 def remove(name: str) -> None:
     """Remove the environment that an engine runs in."""
-    from gasp_core.engine.registry import discover
-    from gasp_core.engine.worker.installing import remove as take_away
+    from gasp_core.discovery.registry import discover
+    from gasp_core.engines.installation import remove as take_away
 
     gone = take_away(discover().descriptor(name))
     click.echo(f"the environment of {name} is removed" if gone else f"{name} has no environment here")

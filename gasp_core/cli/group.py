@@ -74,14 +74,14 @@ class CommandGroup(click.Group):
 
 def _plugin_summaries() -> dict[str, str]:
     # Discovery imports NumPy, which built-in commands may not need.
-    from gasp_core.engine.registry import discover
+    from gasp_core.discovery.registry import discover
 
     return {name: offer.command.summary for name, offer in discover().commands.items()}
 
 
 def _plugin_command(name: str) -> click.Command | None:
-    from gasp_core.engine.foreign import import_factory
-    from gasp_core.engine.registry import discover
+    from gasp_core.discovery.loading import import_factory
+    from gasp_core.discovery.registry import discover
 
     registry = discover()
     if name not in registry.commands:

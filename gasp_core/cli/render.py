@@ -11,7 +11,8 @@ from gasp_core.cli.size import Size
 from gasp_core.errors import RenderingError
 
 if TYPE_CHECKING:
-    from gasp_core.scene.model import CameraChoice, UpAxis
+    from gasp_core.scene.choices import CameraChoice
+    from gasp_core.scene.objects import UpAxis
 
 __all__ = ["render"]
 
@@ -117,7 +118,7 @@ def _choice(
     if camera is not None:
         raise click.UsageError("--camera and --from contradict each other: say one of them")
     from gasp_core.errors import SceneError
-    from gasp_core.scene.model import CameraChoice
+    from gasp_core.scene.choices import CameraChoice
 
     try:
         return CameraChoice(position=position, target=target)
@@ -126,7 +127,7 @@ def _choice(
 
 
 def _axis(up: str) -> UpAxis:
-    from gasp_core.scene.model import UP_AXES
+    from gasp_core.scene.objects import UP_AXES
 
     for axis in UP_AXES:
         if up == axis:

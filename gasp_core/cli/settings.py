@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from gasp_core.engine.contract import Precision
+    from gasp_core.contract import Precision
     from gasp_core.scene.model import Scene
 
 __all__ = ["PRECISIONS", "Settings", "device_option", "settings_options", "share"]
@@ -90,7 +90,7 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
     def with_settings(
         *args: Any, resolution: int | None, device: str | None, precision: str | None, cores: Any, **others: Any
     ) -> None:
-        from gasp_core.engine.contract import Precision
+        from gasp_core.contract import Precision
 
         settings = Settings(
             resolution=resolution,

@@ -12,7 +12,7 @@ from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.settings import PRECISIONS, device_option, share
 
 if TYPE_CHECKING:
-    from gasp_core.accuracy.tradeoff import Tradeoff
+    from gasp_core.studies.tradeoff import Tradeoff
 
 __all__ = ["tradeoff"]
 
@@ -144,10 +144,10 @@ def tradeoff(
     for this machine alone; errors for all.
     """
     from gasp_core import load_scene
-    from gasp_core.accuracy.tradeoff import default_resolutions, grid, load_truth
-    from gasp_core.accuracy.tradeoff import tradeoff as measured
-    from gasp_core.engine.contract import Precision
-    from gasp_core.engine.registry import discover
+    from gasp_core.contract import Precision
+    from gasp_core.discovery.registry import discover
+    from gasp_core.studies.tradeoff import default_resolutions, grid, load_truth
+    from gasp_core.studies.tradeoff import tradeoff as measured
 
     loaded = load_scene(scene)
     descriptor = discover().descriptor(engine or loaded.engine.name)
@@ -181,7 +181,7 @@ def tradeoff(
 
 
 def _print_for_people(result: Tradeoff, folder: Path) -> None:
-    from gasp_core.accuracy.tradeoff.report import HEADER
+    from gasp_core.studies.tradeoff.report import HEADER
 
     width = len(HEADER)
     whole = [cells for cells in result.table() if len(cells) == width]

@@ -16,11 +16,12 @@ from gasp_core.dynamics.sequence import SequenceMotion, frame_files
 from gasp_core.errors import SceneError
 from gasp_core.games import Covariance, choose_vertices, edge_axes, invert_simplices, to_simplices
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.model import MapChoice, SplatObject
+from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
+from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.selection import PlacedObject, bounded_by_region, settle
 
-__all__ = ["Drift", "Played", "drifted", "play"]
+__all__ = ["PrescribedMotion", "Played", "drifted", "play"]
 
 Array = NDArray[Any]
 
@@ -86,7 +87,7 @@ class Played:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drift:
+class PrescribedMotion:
     """psi(V, s) - psi(V, s0) of a body's simplices.
 
     The simplices of the Gaussians at s0 need not be psi(V, s0): T gives edges along principal axes, psi any that span
@@ -122,7 +123,7 @@ class Drift:
         return motion.rest[self.rows]
 
     @classmethod
-    def again(cls, name: str, choice: Motion, unmoved: Array, origin: Array, rest: Array) -> Drift:
+    def again(cls, name: str, choice: Motion, unmoved: Array, origin: Array, rest: Array) -> PrescribedMotion:
         """Of a body with a formula, as it was before.
 
         Parameters
@@ -150,7 +151,7 @@ class Drift:
         return cls.of(played, np.ones(len(unmoved), dtype=bool), rest)
 
     @classmethod
-    def of(cls, played: Played, moving: Array, rest: Array) -> Drift:
+    def of(cls, played: Played, moving: Array, rest: Array) -> PrescribedMotion:
         """For the body of the `moving` (mask) among the drawn Gaussians, whose simplices at rest are (N, V, 3) [m]."""
         rows = np.flatnonzero(moving)
         start = played.simplices(0.0)[rows]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from gasp_core.engine.contract import EngineDescriptor
-from gasp_core.engine.options import build_options, chosen_options
+from gasp_core.contract import EngineDescriptor
+from gasp_core.contract.options import build_options, chosen_options
 from gasp_core.errors import RecordingError, SceneError
 from gasp_core.recording.layout import EngineRecord, Header
 from gasp_core.recording.reader import Recording

@@ -8,7 +8,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest |
 | ``reference/moving`` | (N,) bool, which Gaussians are simulated |
 | ``reference/points`` | (P, 3) float64, the engine's points at the start, edges magnified [m] |
-| ``bodies/<i>/...`` | how the body's points carry its Gaussians, arrays of a `gasp_core.reduction.carrier.Carrier` |
+| ``bodies/<i>/...`` | how the body's points carry its Gaussians, arrays of its `TransferOperator` |
 | ``frames/displacements`` | (T, P, 3) float32, from the start, less the body's mean displacement; a chunk a frame [m] |
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
 | ``frames/drifts`` | (T, D, 3) float32, how far simplices have moved by themselves, see `gasp_core.dynamics` [m] |

@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.dynamics.composition import Drift
+from gasp_core.dynamics.composition import PrescribedMotion
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
@@ -19,12 +19,13 @@ from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_fold
 from gasp_core.recording.lock import locked
 from gasp_core.reduction.all_vertices import Block, Vertices, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
-from gasp_core.reduction.carrier import Carrier
 from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.transfer_operator import TransferOperator
+from gasp_core.render_input import RenderInput
+from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.loading import read_stored_motion, read_stored_scene
-from gasp_core.scene.model import MapChoice, Scene
+from gasp_core.scene.model import Scene
 from gasp_core.scene.placement import Placement
-from gasp_core.splats import Splats
 
 __all__ = ["Recording", "RecordingStatus"]
 
@@ -202,15 +203,15 @@ class Recording:
             )
         return tuple(found)
 
-    def _drift(self, index: int, name: str, block: Block) -> Drift | None:
+    def _drift(self, index: int, name: str, block: Block) -> PrescribedMotion | None:
         """The motion of a body that has a formula."""
         if f"bodies/{index}/unmoved" not in self._store:
             return None
         choice = read_stored_motion(self.header.bodies[index].motion or {}, file=f"{self.path} (motion)")
         unmoved = self._array(f"bodies/{index}/unmoved")
-        return Drift.again(name, choice, unmoved, self.placement(name).translation, block.rest)
+        return PrescribedMotion.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
-    def _carrier(self, index: int, kind: str) -> Carrier:
+    def _carrier(self, index: int, kind: str) -> TransferOperator:
         kinds: dict[str, type[Vertices | Levels]] = {Vertices.kind: Vertices, Levels.kind: Levels}
         if kind not in kinds:
             raise RecordingError(f'{self.path}: carries body {index} by "{kind}", this GASP knows no such: update GASP')
@@ -293,10 +294,10 @@ class Recording:
         moved, turns = self._moved(frame)
         return moved if turns is None else moved.with_(harmonics=turn_coefficients(moved.harmonics, turns))
 
-    def splats(self, frame: int) -> Splats:
+    def splats(self, frame: int) -> RenderInput:
         """The same for drawing: harmonics as at rest, and the turns of the matter beside them."""
         moved, turns = self._moved(frame)
-        return dataclasses.replace(Splats.of(moved), turns=turns)
+        return dataclasses.replace(RenderInput.of(moved), turns=turns)
 
     def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:
         """The whole scene at a frame, harmonics not turned, and the turns; None where colour is the same all round."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gasp_core.games import choose_vertices, demagnify, lengthened, magnify, to_simplices
 from gasp_core.gaussians import Gaussians
-from gasp_core.reduction.carrier import Sample, bounds_of
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares
+from gasp_core.reduction.transfer_operator import Sample, bounds_of
 
 __all__ = ["Block", "Vertices", "block_of", "rigid_velocities", "sample_all"]
 
@@ -56,7 +56,7 @@ def block_of(gaussians: Gaussians, vertices: Literal[3, 4, "auto"]) -> Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vertices:
-    """A `Carrier` of points that are the vertices themselves, in their order.
+    """A `TransferOperator` of points that are the vertices themselves, in their order.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Vertices:
     gradients: LeastSquares | None = None
 
     def carry(self, rest: Array, displacements: Array, drifted: Array | None = None) -> Array:
-        """See `Carrier`.
+        """See `TransferOperator`.
 
         The rest simplices are added after the displacements were divided by the magnification: at displacement zero
         they come out to the last bit.
@@ -88,23 +88,23 @@ class Vertices:
         return moved + (ends[1] - ends[0])
 
     def gather(self, rest: Array, velocities: Array) -> Array:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         return lengthened(velocities, self.factors).reshape(-1, 3)
 
     @property
     def leaders(self) -> Array:
-        """See `Carrier`: the first vertex is the mean."""
+        """See `TransferOperator`: the first vertex is the mean."""
         count, edges = self.factors.shape
         return np.arange(0, count * (edges + 1), edges + 1)
 
     @property
     def followers(self) -> Array:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         count, edges = self.factors.shape
         return np.repeat(np.arange(count), edges + 1)
 
     def arrays(self) -> Mapping[str, Array]:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         fit = {} if self.gradients is None else self.gradients.arrays()
         return {"magnification": self.factors, **{f"gradients/{name}": array for name, array in fit.items()}}
 

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract import Material, PointCloud, PointProblem
 from gasp_core.control import control
-from gasp_core.dynamics.composition import Drift, Played, drifted
-from gasp_core.engine.contract import PointCloud, PointProblem
-from gasp_core.engine.materials import Material
+from gasp_core.dynamics.composition import Played, PrescribedMotion, drifted
 from gasp_core.errors import SceneError
 from gasp_core.games import invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
-from gasp_core.reduction.carrier import Carrier, Sample
 from gasp_core.reduction.cores import sample_cores
-from gasp_core.scene.model import MapChoice, Scene
+from gasp_core.reduction.transfer_operator import Sample, TransferOperator
+from gasp_core.scene.choices import MapChoice
+from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "before_physics", "matter_turns"]
@@ -55,9 +55,9 @@ class Body:
     rows: Array
     points: slice
     block: Block
-    carrier: Carrier
+    carrier: TransferOperator
     notes: tuple[str, ...] = ()
-    drift: Drift | None = None
+    drift: PrescribedMotion | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +135,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
     materials: list[Material] = []
     start = 0
     for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
-        drift = Drift.of(motion, placed.moving, block.rest) if motion else None
+        drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
         carried = drift is not None and drift.played.choice.composition == "carried"
         sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried)
         points, volumes = sample.positions + block.centre, sample.volumes

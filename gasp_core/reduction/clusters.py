@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.threads import processors
 from gasp_core.reduction.occupancy import occupied_cells
+from gasp_core.stepping.threads import processors
 
 __all__ = ["cluster", "scatter"]
 
@@ -77,7 +77,7 @@ def _fewer(positions: Array, count: int) -> Array:
             best, found = np.unique(nearest, return_inverse=True)[1].reshape(-1), len(centres)
         if _ENOUGH * count <= len(centres) <= count:
             break
-        # Splats are surfaces: their clusters go by the square of the radius.
+        # RenderInput are surfaces: their clusters go by the square of the radius.
         radius *= np.sqrt(len(centres) / (0.98 * count))
     return best
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
-from gasp_core.reduction.carrier import Sample, bounds_of
 from gasp_core.reduction.clusters import cluster, scatter
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
-from gasp_core.scene.model import Reduction
+from gasp_core.reduction.transfer_operator import Sample, bounds_of
+from gasp_core.scene.objects import Reduction
 
 __all__ = ["Level", "Levels", "sample_cores"]
 
@@ -47,7 +47,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Levels:
-    """A `Carrier` of cores.
+    """A `TransferOperator` of cores.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Levels:
     levels: tuple[Level, ...]
 
     def carry(self, rest: Array, displacements: Array, drifted: Array | None = None) -> Array:
-        """See `Carrier`.
+        """See `TransferOperator`.
 
         Both transfers are affine for each Gaussian: what carries X takes Y to phi(X) + F(X) (Y - X).
         """
@@ -70,7 +70,7 @@ class Levels:
         return last.transfer.carry(last.cores, rest if drifted is None else drifted, moved)
 
     def gather(self, rest: Array, velocities: Array) -> Array:
-        """See `Carrier`: each core has the affine fit to its Gaussians' vertices, v + L (x - c).
+        """See `TransferOperator`: each core has the affine fit to its Gaussians' vertices, v + L (x - c).
 
         Along axes that they do not extend along, L is what keeps right angles to the others right.
         """
@@ -96,16 +96,16 @@ class Levels:
 
     @property
     def leaders(self) -> Array:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         return 4 * self.labels
 
     @property
     def followers(self) -> Array:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         return np.repeat(np.unique(self.labels, return_index=True)[1], 4)
 
     def arrays(self) -> Mapping[str, Array]:
-        """See `Carrier`."""
+        """See `TransferOperator`."""
         kept: dict[str, Array] = {}
         for index, level in enumerate(self.levels):
             own = {

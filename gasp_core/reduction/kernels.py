@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from gasp_core.jacobi import flat_order
+from gasp_core.simplex_frames import flat_order
 
 _float = numba.float64
 _function = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
-from gasp_core.jacobi import chunk_count
+from gasp_core.linalg3 import chunk_count
 from gasp_core.reduction import kernels
 from gasp_core.reduction.assembly import Body, before_physics, shapes
-from gasp_core.scene.model import MapChoice
+from gasp_core.scene.choices import MapChoice
 
 __all__ = ["shape_flags"]
 

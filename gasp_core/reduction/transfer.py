@@ -9,11 +9,11 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core import jacobi
-from gasp_core.engine.threads import processors
+from gasp_core import linalg3
 from gasp_core.games import polar_rotations
 from gasp_core.reduction import kernels
-from gasp_core.reduction.curve import along_a_curve
+from gasp_core.reduction.morton import along_a_curve
+from gasp_core.stepping.threads import processors
 
 __all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer"]
 
@@ -225,8 +225,8 @@ class LeastSquares:
         """See `Transfer`."""
         out = np.empty(rest.shape, dtype=rest.dtype)
         table = np.empty((len(cores), kernels.COLUMNS))
-        kernels.affine_table(cores.points, displacements, table, jacobi.chunk_count(len(cores)))
-        rows, chunks = np.ascontiguousarray(rest), jacobi.chunk_count(len(rest))
+        kernels.affine_table(cores.points, displacements, table, linalg3.chunk_count(len(cores)))
+        rows, chunks = np.ascontiguousarray(rest), linalg3.chunk_count(len(rest))
         kernels.carry_affinely(rows, table, self.order, self.neighbours, self.weights, self.inverses, out, chunks)
         if len(self.fallen):
             _carry_rigidly(cores, rest, displacements, self.labels, self.fallen, out)
@@ -285,4 +285,4 @@ def _carry_rigidly(cores: Cores, rest: Array, displacements: Array, labels: Arra
     table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
     used = np.unique(labels[rows])
     table[used, 6:] = Cores(points=cores.points[used]).turned(displacements[used]).reshape(-1, 9)
-    kernels.carry_rigidly(rest, table, labels, rows, out, jacobi.chunk_count(len(rows)))
+    kernels.carry_rigidly(rest, table, labels, rows, out, linalg3.chunk_count(len(rows)))

@@ -20,8 +20,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
-from gasp_core.splats import Splats
 
 __all__ = ["ALPHA_FLOOR", "ALPHA_LIMIT", "LOW_PASS", "Picture", "SplatRenderer"]
 
@@ -70,7 +70,7 @@ class Picture:
 class SplatRenderer(Protocol):
     """Draws splats; made once, used for many pictures, from one thread at a time."""
 
-    def render(self, splats: Splats, camera: Camera, *, occluders: Array | None = None) -> Picture:
+    def render(self, splats: RenderInput, camera: Camera, *, occluders: Array | None = None) -> Picture:
         """Draw splats on a transparent ground.
 
         Parameters

@@ -9,14 +9,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.forcing import Collider
+from gasp_core.contract import Collider
 from gasp_core.errors import RecordingError
 from gasp_core.io import read_splat
 from gasp_core.recording import Recording
-from gasp_core.scene.model import CameraChoice, SplatObject, UpAxis
+from gasp_core.render_input import RenderInput
+from gasp_core.scene.choices import CameraChoice
+from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placement import Placement
 from gasp_core.scene.selection import place_object
-from gasp_core.splats import Splats
 
 __all__ = ["Footage", "RecordedFootage", "Still", "open_footage"]
 
@@ -51,7 +52,7 @@ class Footage(Protocol):
         """The camera its scene asks for."""
         ...
 
-    def splats(self, frame: int) -> Splats:
+    def splats(self, frame: int) -> RenderInput:
         """What is drawn in a frame."""
         ...
 
@@ -91,7 +92,7 @@ class RecordedFootage:
         """Of the scene."""
         return self.recording.scene.camera
 
-    def splats(self, frame: int) -> Splats:
+    def splats(self, frame: int) -> RenderInput:
         """What is drawn in a frame."""
         return self.recording.splats(frame)
 
@@ -128,9 +129,9 @@ class Still:
         item = SplatObject(name=path.stem, splat=path, static=True, up=up)
         self._placed = place_object(item, read_splat(path))
 
-    def splats(self, frame: int) -> Splats:
+    def splats(self, frame: int) -> RenderInput:
         """All there is."""
-        return Splats.of(self._placed.gaussians)
+        return RenderInput.of(self._placed.gaussians)
 
     def positions(self, frame: int) -> Array:
         """Means of what does not float apart from the rest."""

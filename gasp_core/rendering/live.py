@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.forcing import Side
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import HalfSpace, Side
 from gasp_core.errors import GaspError
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import Camera

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import draw_scenery
 from gasp_core.rendering.shadows import ShadowedScenery
-from gasp_core.splats import Splats
 
 __all__ = ["FramePainter", "parse_background", "to_bytes"]
 
@@ -60,7 +60,7 @@ class FramePainter:
         straight = picture.colour / np.where(alpha > 0, alpha, 1.0)
         return to_bytes(np.concatenate([straight, alpha], axis=2))
 
-    def _picture(self, splats: Splats, camera: Camera) -> Picture:
+    def _picture(self, splats: RenderInput, camera: Camera) -> Picture:
         if not self._footage.colliders:
             return self._renderer.render(splats, camera)
         shadowed = self._scenery_from(camera)

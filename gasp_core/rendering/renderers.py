@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import cast
 
-from gasp_core.engine.foreign import contained, how_to_mend, import_factory, one_line
-from gasp_core.engine.registry import discover
+from gasp_core.discovery.loading import contained, how_to_mend, import_factory, one_line
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import PluginLoadError, RenderingError
 from gasp_core.rendering.contract import SplatRenderer
 

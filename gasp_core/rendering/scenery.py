@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.forcing import Collider, Side
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture
 

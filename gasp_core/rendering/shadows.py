@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import LIGHT
-from gasp_core.splats import Splats
 
 __all__ = ["ShadowedScenery"]
 
@@ -68,7 +68,7 @@ class ShadowedScenery:
             places[1, rows] = np.where(met, lamp.focal_x * across / ahead + lamp.center_x - 0.5, _OUTSIDE)
         return cls(scenery=scenery, lamp=lamp, places=places)
 
-    def under(self, splats: Splats, renderer: SplatRenderer) -> Picture:
+    def under(self, splats: RenderInput, renderer: SplatRenderer) -> Picture:
         """The scenery with the shadow of splats on it."""
         # Slow to import.
         from scipy.ndimage import gaussian_filter, map_coordinates

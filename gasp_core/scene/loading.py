@@ -8,23 +8,28 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from gasp_core.engine.contract import EngineAccuracy
-from gasp_core.engine.forcing import Collider, ContactCondition, Domain, Drive, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.materials import MATERIALS, Material
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_core.errors import SceneError
-from gasp_core.scene.model import (
-    UP_AXES,
-    CameraChoice,
-    EngineChoice,
-    Floaters,
-    MapChoice,
-    RecordingChoice,
-    Reduction,
-    Scene,
-    SplatObject,
+from gasp_core.contract import (
+    MATERIALS,
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Domain,
+    Drive,
+    Driven,
+    EngineAccuracy,
+    HalfSpace,
+    Impulse,
+    Material,
+    Pinned,
+    Side,
+    SphereShape,
+    Wind,
 )
+from gasp_core.errors import SceneError
+from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
+from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
 from gasp_core.scene.schema import migrated
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 

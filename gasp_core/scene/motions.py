@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from gasp_core.engine.checks import Vector, finite, finite_vector, positive, unit_vector
+from gasp_core.contract.validation import Vector, finite, finite_vector, positive, unit_vector
 from gasp_core.errors import SceneError
 
 __all__ = ["MOTIONS", "Bend", "FrameSequence", "Motion", "PythonMotion", "Swing", "Wave"]

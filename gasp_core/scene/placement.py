@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternions
 from gasp_core.harmonics import turn_coefficients
-from gasp_core.scene.model import SplatObject, UpAxis
+from gasp_core.scene.objects import SplatObject, UpAxis
 
 __all__ = ["Placement", "place", "placement_of", "robust_box", "up_axis", "upright"]
 

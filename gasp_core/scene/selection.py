@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.floaters import floating
-from gasp_core.scene.model import Floaters, SplatObject
+from gasp_core.scene.objects import Floaters, SplatObject
 from gasp_core.scene.placement import Placement, place, placement_of
 
 __all__ = ["PlacedObject", "SetAside", "bounded_by_region", "place_object", "settle"]

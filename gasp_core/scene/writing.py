@@ -11,11 +11,11 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
-from gasp_core.engine.forcing import Collider
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, SphereShape
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.model import Scene, SplatObject
+from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
+from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.schema import SCHEMA
 
 __all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]

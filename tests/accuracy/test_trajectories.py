@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gasp_core import Elastic, EngineChoice, Gaussians, Recording, Scene, SplatObject, simulate
 from gasp_core.accuracy.trajectories import diagonal_of, distance, distance_from
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
     Determinism,
     EngineCapabilities,
     EngineDescriptor,
@@ -244,7 +244,7 @@ def test_any_rigid_motion_anywhere(recorded, seed, angles, shift):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    from gasp_core.engine.registry import discover
+    from gasp_core.discovery.registry import discover
 
     assert "reference-mpm" in discover().engines
     scene = scene_of(("thing", splat()))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gasp_core.cli.main import main
-from gasp_core.engine.registry import discover
+from gasp_core.discovery.registry import discover
 from gasp_core.io import write_splat
 from gasp_core.toy import make_toy
 

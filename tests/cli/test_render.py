@@ -151,7 +151,7 @@ def test_things_that_cannot_be_shown(refused, workplace):
 
 
 def test_without_a_renderer_it_says_what_to_install(run, refused, monkeypatch):
-    from gasp_core.engine import registry
+    from gasp_core.discovery import registry
 
     found = [plugin for plugin in registry.installed_plugins() if "renderer" not in plugin.name]
     monkeypatch.setattr(registry, "installed_plugins", lambda: found)

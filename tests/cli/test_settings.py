@@ -33,7 +33,7 @@ def test_cores_are_a_share_a_number_or_all(gasp, workplace, cores, mode, fractio
 
 def test_the_hint_after_a_stop_repeats_what_was_set():
     from gasp_core.cli.settings import Settings
-    from gasp_core.engine.contract import Precision
+    from gasp_core.contract import Precision
 
     settings = Settings(resolution=12, device="cuda", precision=Precision.FLOAT32, cores=0.1)
     words = "--resolution 12 --device cuda --precision float32 --cores 0.1"

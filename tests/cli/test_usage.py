@@ -83,7 +83,7 @@ def test_inspect_json_has_what_others_rely_on(gasp, toy):
 
 
 def test_fault_of_our_own_is_one_line_that_asks_for_a_report(capsys, monkeypatch):
-    monkeypatch.setattr("gasp_core.engine.registry.discover", lambda: 1 / 0)
+    monkeypatch.setattr("gasp_core.discovery.registry.discover", lambda: 1 / 0)
     monkeypatch.delenv("GASP_TRACEBACK", raising=False)
     assert main(["engines"]) == FAILED
     err = capsys.readouterr().err
@@ -108,7 +108,7 @@ def test_trouble_of_the_machine(capsys, monkeypatch, error, says):
     def fail():
         raise error
 
-    monkeypatch.setattr("gasp_core.engine.registry.discover", fail)
+    monkeypatch.setattr("gasp_core.discovery.registry.discover", fail)
     assert main(["engines"]) == FAILED
     assert capsys.readouterr().err.startswith(f"gasp: {says}")
 
@@ -117,7 +117,7 @@ def test_ctrl_c_anywhere(capsys, monkeypatch):
     def fail():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gasp_core.engine.registry.discover", fail)
+    monkeypatch.setattr("gasp_core.discovery.registry.discover", fail)
     assert main(["engines"]) == INTERRUPTED
     assert capsys.readouterr().err == "gasp: interrupted\n"
 

@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 def _load_ballistic():
     # Test folders are no packages (importlib mode): the engine of the other folder is shared by path.
     if "ballistic" not in sys.modules:
-        spec = importlib.util.spec_from_file_location("ballistic", HERE.parent / "scene" / "ballistic.py")
+        spec = importlib.util.spec_from_file_location("ballistic", HERE.parent / "simulation" / "ballistic.py")
         module = importlib.util.module_from_spec(spec)
         sys.modules["ballistic"] = module
         spec.loader.exec_module(module)

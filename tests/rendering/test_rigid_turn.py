@@ -10,13 +10,13 @@ from gasp_core import Elastic, MapChoice, Scene, SplatObject, simulate
 from gasp_core.accuracy.images import psnr
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.reduction.assembly import matter_turns, moved_gaussians
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera_files import placed
 from gasp_core.rendering.footage import Still
 from gasp_core.rendering.framing import frame_motion, motion_of
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.scene.placement import Placement
-from gasp_core.simulation import prepare
-from gasp_core.splats import Splats
+from gasp_core.simulation.sources import prepare
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here: pip install -e plugins/renderer"
@@ -49,7 +49,7 @@ def moved_as_one(prepared, rotation):
     mean = displacements.mean(axis=0)
     moved = moved_gaussians(body, (displacements - mean).astype(np.float32), MapChoice())
     means = moved.gaussians.means + body.block.centre + mean
-    return dataclasses.replace(Splats.of(moved.gaussians), means=means, turns=matter_turns(body, moved))
+    return dataclasses.replace(RenderInput.of(moved.gaussians), means=means, turns=matter_turns(body, moved))
 
 
 def over_white(renderer, splats, camera):
@@ -63,7 +63,7 @@ def test_turned_with_its_camera_it_looks_the_same(prepared, camera, quaternion):
     assert turned.sh_degree == 3
     renderer = open_renderer()
     turned_camera = placed(camera, Placement(rotation=rotation, scale=1.0, translation=SHIFT))
-    before = over_white(renderer, Splats.of(prepared.objects[0].gaussians), camera)
+    before = over_white(renderer, RenderInput.of(prepared.objects[0].gaussians), camera)
     after = psnr(before, over_white(renderer, turned, turned_camera))
     unturned = psnr(before, over_white(renderer, dataclasses.replace(turned, turns=None), turned_camera))
     print(f"turned: {after:.1f} dB; colours left behind: {unturned:.1f} dB")

@@ -4,12 +4,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gasp_core import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import Picture
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import draw_scenery, nearest_hits
 from gasp_core.rendering.shadows import ShadowedScenery
-from gasp_core.splats import Splats
 
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
 BALL = Collider(shape=SphereShape(center=(0, 0, 1), radius=0.5))
@@ -140,7 +140,7 @@ def test_a_shadow_falls_where_the_lamp_says():
     scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
     shadowed = ShadowedScenery.of(scenery, eye, motion)
     mean = np.array([[0.1, -0.2, 1.0]])
-    splats = Splats(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
+    splats = RenderInput(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
     dark = 1 - shadowed.under(splats, Disc()).colour[:, :, 0] / scenery.colour[:, :, 0]
     y, x = np.mgrid[:200, :200] + 0.5
     found = np.array([(dark * x).sum(), (dark * y).sum()]) / dark.sum()

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from gasp_core import EngineChoice, Precision, Reduction, Scene
-from gasp_core.accuracy.tradeoff.settings import Setting, scene_with
-from gasp_core.comparison.running import notes_of, runs_of
-from gasp_core.engine.registry import discover
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import UnsupportedSceneError
 from gasp_core.scene.model import engine_notes
-from gasp_core.simulation import _chosen
+from gasp_core.simulation.choice import choose_engine
+from gasp_core.studies.comparison.running import notes_of, runs_of
+from gasp_core.studies.tradeoff.settings import Setting, scene_with
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
 SINGLE, DOUBLE = Precision.FLOAT32, Precision.FLOAT64
@@ -44,7 +44,7 @@ def installed(monkeypatch):
 def test_every_command_gives_every_engine_the_same_scene(scene_of, tmp_path, name, precision, device):
     scene = of_engine(scene_of(), device=device, precision=precision)
     can = discover().descriptor(name).capabilities
-    run = _chosen(scene, name, None, None, None)[0].engine
+    run = choose_engine(scene, name, None, None, None)[0].engine
     compared = runs_of(scene, [name], tmp_path)[0].scene.engine
     assert run == compared == scene.with_engine(discover().descriptor(name)).engine
     # A trade names the precision of each of its settings itself.

@@ -7,7 +7,7 @@ from gasp_core import Elastic, Gaussians, SplatObject
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis
-from gasp_core.scene.model import UP_AXES
+from gasp_core.scene.objects import UP_AXES
 from gasp_core.scene.placement import place, placement_of, robust_box, upright
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)

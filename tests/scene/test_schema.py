@@ -10,17 +10,27 @@ import pytest
 
 import gasp_core
 from gasp_core import Elastic, Scene, SplatObject
-from gasp_core.engine.contract import EngineAccuracy
-from gasp_core.engine.forcing import Collider, Domain, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.materials import MATERIALS
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import (
+    MATERIALS,
+    BoxShape,
+    Collider,
+    Domain,
+    Driven,
+    EngineAccuracy,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    SphereShape,
+    Wind,
+)
 from gasp_core.errors import SceneError
 from gasp_core.recording.layout import BodyEntry, Commit, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.migrations import VERSION
+from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.digest import scene_digest, what_differs
 from gasp_core.scene.loading import read_scene, read_stored_scene
-from gasp_core.scene.model import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Reduction
 from gasp_core.scene.motions import MOTIONS
+from gasp_core.scene.objects import Reduction
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.tables import Table
 from gasp_core.scene.writing import scene_to_toml

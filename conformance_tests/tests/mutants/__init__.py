@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_core.engine.contract import EngineDescriptor
-from gasp_core.engine.hookspecs import hookimpl
+from gasp_core.contract import EngineDescriptor
+from gasp_core.discovery.hookspecs import hookimpl
 from mutants import advances, company, declarations, flow, knobs, problems, readings, snow, solvers
 from mutants.base import MUTANTS, Mutant
 

@@ -10,7 +10,7 @@ import numpy as np
 from gasp_reference_mpm.engine import ReferenceMpm
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, EngineSession, Field, PointProblem, PointState, Status, StepReport
+from gasp_core.contract import EngineAccuracy, EngineSession, Field, PointProblem, PointState, Status, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]

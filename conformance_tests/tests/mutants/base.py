@@ -10,7 +10,7 @@ from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
     EngineAccuracy,
     EngineCapabilities,
     EngineSession,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineSession, PointProblem, StepReport
+from gasp_core.contract import EngineSession, PointProblem, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from gasp_reference_mpm.plugin import CAPABILITIES
 
-from gasp_core.engine.contract import PointProblem, PointState
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Elastic, PointProblem, PointState
 from mutants.base import Mutant, Session, mutant
 from mutants.readings import Showing
 

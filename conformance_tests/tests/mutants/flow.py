@@ -11,8 +11,7 @@ import numpy as np
 from gasp_reference_mpm.constitution import logarithmic_strains, viscoplastic_projection
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Foam, Material, Metal, Plasticine
+from gasp_core.contract import Foam, Material, Metal, Plasticine, PointProblem
 from mutants.base import Mutant, mutant
 from mutants.problems import elastic, with_materials
 from mutants.solvers import InsideOut
@@ -187,4 +186,4 @@ def _draining(deformation: Array, mu: float, yield_stress: float, viscosity: flo
 class FoamDrains(InsideOut):
     """Where foam yields all of its shear stress flows off, not what is above."""
 
-    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.viscoplastic_projection": _draining}
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"material_points.viscoplastic_projection": _draining}

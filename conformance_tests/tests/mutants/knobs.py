@@ -11,7 +11,7 @@ from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem
+from gasp_core.contract import EngineAccuracy, PointProblem
 from gasp_core.errors import SceneError
 from mutants.base import Mutant, Session, mutant
 

@@ -8,10 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from gasp_core.engine.contract import PointProblem, StepReport
-from gasp_core.engine.forcing import Collider, ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.materials import Elastic, Fluid, Material, NeoHookean, Sand
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    DomainPolicy,
+    Driven,
+    Elastic,
+    Fluid,
+    HalfSpace,
+    Impulse,
+    Material,
+    NeoHookean,
+    Pinned,
+    PointProblem,
+    Sand,
+    Side,
+    SphereShape,
+    StepReport,
+    Wind,
+)
 from mutants.base import Mutant, Session, mutant
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import Field, PointProblem, PointState, Precision, StepReport
+from gasp_core.contract import Field, PointProblem, PointState, Precision, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]

@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gasp_reference_mpm.constitution import fixed_corotated_stress
-from gasp_reference_mpm.matter import Matter, Motion, kirchhoff_stress
+from gasp_reference_mpm.material_points import Matter, Motion, kirchhoff_stress
 from gasp_reference_mpm.transfer import Stencil
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Material, Snow
+from gasp_core.contract import Material, PointProblem, Snow
 from mutants.base import Mutant, mutant
 from mutants.problems import elastic, with_materials
 from mutants.solvers import InsideOut

@@ -12,9 +12,8 @@ from gasp_reference_mpm.boundary import collided
 from gasp_reference_mpm.transfer import gather
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, StepReport
-from gasp_core.engine.forcing import Collider
-from gasp_core.engine.stability import MotionLimits
+from gasp_core.contract import Collider, EngineAccuracy, StepReport
+from gasp_core.stepping.time_step import MotionLimits
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]
@@ -47,7 +46,7 @@ def _linear_stress(deformation: Array, mu: float, lame: float) -> Array:
 class SmallStrains(InsideOut):
     """Elasticity is that of small strains: what turns is taken to be strained."""
 
-    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.fixed_corotated_stress": _linear_stress}
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"material_points.fixed_corotated_stress": _linear_stress}
 
 
 def _pulling_stress(deformation: Array, velocity_gradient: Array, bulk_modulus: float, viscosity: float) -> Array:
@@ -62,7 +61,7 @@ def _pulling_stress(deformation: Array, velocity_gradient: Array, bulk_modulus: 
 class FluidPulls(InsideOut):
     """A fluid bears tension."""
 
-    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.fluid_stress": _pulling_stress}
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"material_points.fluid_stress": _pulling_stress}
 
 
 def _transposing_gather(*arguments: Any) -> tuple[Array, ...]:
@@ -125,4 +124,6 @@ def _stress_with_another_volume_term(deformation: Array, mu: float, lame: float)
 class AnotherVolumeTerm(InsideOut):
     """Neo-Hookean matter has lambda (J - 1)^2 / 2 in its energy, where the law has lambda (ln J)^2 / 2."""
 
-    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"matter.neo_hookean_stress": _stress_with_another_volume_term}
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {
+        "material_points.neo_hookean_stress": _stress_with_another_volume_term
+    }

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.bpy_runtime import evaluated, new_name, new_scene, quiet, remove_scene, studio
 from gasp_blender.meshes import mesh_object
-from gasp_blender.studio import evaluated, new_name, new_scene, quiet, remove_scene, studio
 
 __all__ = ["RigidWorld", "turned"]
 

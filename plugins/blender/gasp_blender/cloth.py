@@ -10,11 +10,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from gasp_blender.bpy_runtime import new_scene, quiet
 from gasp_blender.meshes import mesh_object
+from gasp_blender.point_cache import CLOTH
 from gasp_blender.softbody import GRAVITY
-from gasp_blender.states import CLOTH
 from gasp_blender.stepping import Stepper
-from gasp_blender.studio import new_scene, quiet
 
 __all__ = ["TENSION", "cloth"]
 

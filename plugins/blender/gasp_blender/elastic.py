@@ -9,19 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.body_contact import Meeting
+from gasp_blender.body_frames import Frames
+from gasp_blender.boundary_contact import Bonds, touch
 from gasp_blender.cage import gather, scatter
 from gasp_blender.cloth import TENSION, cloth
-from gasp_blender.contact import Bonds, touch
-from gasp_blender.frames import Frames
-from gasp_blender.grip import held_nodes, rigid_motion
-from gasp_blender.matter import Matter, connected, node_velocities
-from gasp_blender.meeting import Meeting
+from gasp_blender.impulses import Struck
+from gasp_blender.kinematic_constraints import held_nodes, rigid_motion
 from gasp_blender.softbody import HEAVIEST, LIGHTEST, SPRING, Gusts, soft_body
+from gasp_blender.spring_model import Matter, connected, node_velocities
 from gasp_blender.stepping import SLOWEST
-from gasp_blender.struck import Struck
 from gasp_blender.volume import kept_open, middle_gradients
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import Driven, Impulse, Pinned, Wind
+from gasp_core.contract import Driven, Impulse, Pinned, PointProblem, Wind
 from gasp_core.errors import SceneError
 
 __all__ = ["CALM", "Elastic"]

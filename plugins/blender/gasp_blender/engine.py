@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.bpy_runtime import studio
 from gasp_blender.elastic import CALM, Elastic
-from gasp_blender.matter import Matter, cloth_matter, elastic_matter
-from gasp_blender.notices import notices
+from gasp_blender.impulses import Struck
 from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
-from gasp_blender.struck import Struck
-from gasp_blender.studio import studio
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
+from gasp_blender.spring_model import Matter, cloth_matter, elastic_matter
+from gasp_blender.warnings_for_users import notices
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import SceneError
 
 __all__ = ["Blender"]
@@ -26,7 +26,7 @@ Array = NDArray[Any]
 
 
 class Blender:
-    """Blender's simulations behind `gasp_core.engine.contract.PointEngine`.
+    """Blender's simulations behind `gasp_core.contract.PointEngine`.
 
     Raises
     ------

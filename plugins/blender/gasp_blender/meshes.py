@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_blender.studio import new_name, studio
+from gasp_blender.bpy_runtime import new_name, studio
 from gasp_core.errors import SceneError
 
 __all__ = ["mesh_object", "weigh"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from gasp_core.engine.checks import finite
+from gasp_core.contract.validation import finite
 from gasp_core.errors import SceneError
 
 __all__ = ["BlenderOptions"]

@@ -5,19 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gasp_blender.options import BlenderOptions
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
     Determinism,
+    Driven,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     EngineEnvironment,
     Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
     Precision,
     Quantity,
+    Rigid,
+    SphereShape,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic, Rigid
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.discovery.hookspecs import hookimpl
 
 __all__ = ["gasp_point_engines"]
 

@@ -8,15 +8,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_blender.apart import collision_layers, depths_between, overlapping
 from gasp_blender.bullet import RigidWorld
-from gasp_blender.grip import at_start, pose, rigid_motion
-from gasp_blender.struck import Struck
-from gasp_blender.walls import wall_of
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import ContactCondition, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.materials import Rigid
-from gasp_core.engine.shapes import HalfSpace, SphereShape
+from gasp_blender.colliders import wall_of
+from gasp_blender.impulses import Struck
+from gasp_blender.initial_overlap import collision_layers, depths_between, overlapping
+from gasp_blender.kinematic_constraints import at_start, pose, rigid_motion
+from gasp_core.contract import (
+    ContactCondition,
+    Driven,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointProblem,
+    Rigid,
+    Side,
+    SphereShape,
+    Wind,
+)
 from gasp_core.errors import SceneError
 
 __all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]

@@ -8,10 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.forcing import Impulse
-from gasp_core.engine.stability import substeps_to
-from gasp_core.engine.stepped import SteppedSession, StoppedError
+from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.session import SteppedSession, StoppedError
+from gasp_core.stepping.time_step import substeps_to
 
 __all__ = ["BlenderSession", "Part"]
 
@@ -46,7 +45,7 @@ class Part(Protocol):
 
 
 class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
-    """See `gasp_core.engine.contract.EngineSession`.
+    """See `gasp_core.contract.EngineSession`.
 
     Parameters
     ----------
@@ -70,7 +69,7 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
         super().__init__(problem, parts, engine="blender", accuracy=accuracy, time=time, notes=notices)
         self._longest = longest_step
 
-    def _approach(self, landing: float, end: float) -> None:
+    def step_toward(self, landing: float, end: float) -> None:
         """All steps up to `landing`: nothing that happens on the way bounds them."""
         self._refuse_too_many(self._longest, end)
         count, step = substeps_to(landing - self._time, self._longest)
@@ -78,21 +77,21 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
         for index in range(count):
             # The last one lands on the very number that was asked for, not on a sum of steps.
             then = landing if index + 1 == count else start + (index + 1) * step
-            if not all(part.step(self._time, then, step) for _, part in self._living()):
+            if not all(part.step(self._time, then, step) for _, part in self.held()):
                 raise StoppedError(
                     Status.NON_FINITE,
                     f"Blender's state is not finite after {then:.6g} s: try a substep below {step / 2:.3g} s",
                 )
-            self._took(1, step, then)
+            self.record_steps(1, step, then)
 
-    def _strike(self, impulse: Impulse) -> None:
+    def apply_impulse(self, impulse: Impulse) -> None:
         """Parts give impulses to their nodes themselves, in the step that begins then."""
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
         count = len(self._problem.points)
         positions, velocities = np.empty((count, 3)), np.empty((count, 3))
-        for rows, part in self._living():
+        for rows, part in self.held():
             positions[rows] = part.positions()
             if Field.VELOCITIES in fields:
                 velocities[rows] = part.velocities()
@@ -103,10 +102,11 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
         kept = {"time": np.array(self._time)}
-        for _, part in self._living():
+        for _, part in self.held():
             kept |= part.keep()
         return kept
 
-    def _release(self, held: Sequence[tuple[Array, Part]]) -> None:
+    def release(self, held: Sequence[tuple[Array, Part]]) -> None:
+        """See `SteppedSession`."""
         for _, part in held:
             part.close()

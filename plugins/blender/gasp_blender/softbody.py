@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_blender.bpy_runtime import evaluated, new_name, new_scene, quiet, studio
 from gasp_blender.meshes import mesh_object, weigh
-from gasp_blender.states import SOFT_BODY
+from gasp_blender.point_cache import SOFT_BODY
 from gasp_blender.stepping import Stepper
-from gasp_blender.studio import evaluated, new_name, new_scene, quiet, studio
 
 __all__ = ["GRAVITY", "HEAVIEST", "LIGHTEST", "SPRING", "Gusts", "soft_body"]
 

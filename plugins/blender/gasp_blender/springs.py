@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage
-from gasp_blender.lattice import ranks
+from gasp_blender.voxel_rows import ranks
 
 __all__ = ["POISSONS_RATIO", "fastest_pulse", "node_weights", "spring_edges", "spring_force", "spring_shares"]
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gasp_blender.states import Kind, StateFiles
-from gasp_blender.studio import evaluated, new_name, quiet, remove_scene, studio
+from gasp_blender.bpy_runtime import evaluated, new_name, quiet, remove_scene, studio
+from gasp_blender.point_cache import Kind, StateFiles
 
 __all__ = ["SLOWEST", "Stepper"]
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from gasp_blender.options import BlenderOptions
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
+from gasp_core.contract import Elastic, EngineAccuracy, PointCloud, PointProblem, Precision
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
 from gasp_core.errors import EngineEnvironmentError
 
 RUBBER = Elastic(density=1000.0, youngs_modulus=1e4, poissons_ratio=0.25)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from gasp_blender.cage import build_cage, gather, scatter
-from gasp_blender.grip import rigid_motion
-from gasp_blender.matter import elastic_matter, node_velocities
+from gasp_blender.kinematic_constraints import rigid_motion
 from gasp_blender.sheet import build_sheet, quad_edges
+from gasp_blender.spring_model import elastic_matter, node_velocities
 from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_shares
 
-from gasp_core.engine.forcing import Driven
-from gasp_core.engine.shapes import SphereShape
+from gasp_core.contract import Driven, SphereShape
 
 
 def caged(bodies, cells, spacing=0.1):

@@ -13,12 +13,26 @@ import pytest
 from gasp_blender.meshes import mesh_object
 
 import gasp_core
-from gasp_core.engine.contract import Field, PointCloud, PointProblem, Status
-from gasp_core.engine.forcing import Collider, ContactCondition, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.materials import Elastic, Rigid
-from gasp_core.engine.registry import discover
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_core.engine.worker.environments import ready_python
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Driven,
+    Elastic,
+    Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointCloud,
+    PointProblem,
+    Rigid,
+    Side,
+    SphereShape,
+    Status,
+    Wind,
+)
+from gasp_core.discovery.environments import ready_python
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import SceneError
 
 ROUNDING = 2.0**-24
@@ -436,7 +450,7 @@ def test_nothing_is_left_however_the_process_ends(kit, ending):
     """States of soft bodies lie in files, in memory where there is a folder for that, and Blender has a folder, too."""
     run = in_its_environment(
         "import os, signal, sys\n"
-        "from gasp_blender.studio import studio\n"
+        "from gasp_blender.bpy_runtime import studio\n"
         "bpy, folder = studio()\n"
         "assert folder.is_dir() and os.path.isdir(bpy.app.tempdir)\n"
         "print(folder.parent, bpy.app.tempdir, flush=True)\n"
@@ -458,7 +472,7 @@ def test_points_are_carried_as_blenders_lattice_carries_them(kit):
         "import numpy as np\n"
         "from gasp_blender.cage import build_cage, gather\n"
         "from gasp_blender.meshes import mesh_object\n"
-        "from gasp_blender.studio import evaluated, new_scene, quiet, studio\n"
+        "from gasp_blender.bpy_runtime import evaluated, new_scene, quiet, studio\n"
         "rng = np.random.default_rng(3)\n"
         "size, counts = np.array([0.4, 0.3, 0.2]), np.array([4, 3, 2])\n"
         "points = np.concatenate([rng.random((20_000, 3)), np.eye(3), 1 - np.eye(3)]) * size\n"

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.materials import Metal, Sand
+from gasp_core.contract import Metal, PointProblem, Sand
 from gasp_core.errors import SceneError
-from gasp_genesis_mpm.motion import Motion
-from gasp_genesis_mpm.seeding import seeded_affine_velocities
-from gasp_genesis_mpm.window import Window
+from gasp_genesis_mpm.affine_velocities import seeded_affine_velocities
+from gasp_genesis_mpm.grid_window import Window
+from gasp_genesis_mpm.particle_state import Motion
 
 __all__ = ["Start", "restored", "stored"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
-from gasp_core.engine.stability import refuse_unstable_substep
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import EngineEnvironmentError
+from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_genesis_mpm.session import GenesisSession
 
 __all__ = ["GenesisMpm"]
@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 
 class GenesisMpm:
-    """Genesis' material point method; see `gasp_core.engine.contract.PointEngine`.
+    """Genesis' material point method; see `gasp_core.contract.PointEngine`.
 
     Raises
     ------

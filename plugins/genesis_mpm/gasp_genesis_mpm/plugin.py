@@ -7,19 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     EngineEnvironment,
     Field,
+    Fluid,
+    HalfSpace,
+    Impulse,
+    Metal,
+    NeoHookean,
     Precision,
     Quantity,
+    Sand,
+    Snow,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Impulse
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic, Fluid, Metal, NeoHookean, Sand, Snow
-from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.discovery.hookspecs import hookimpl
 
 __all__ = ["CAPABILITIES", "ENVIRONMENT", "gasp_point_engines"]
 

@@ -44,8 +44,8 @@ class Lender:
             self._sessions -= 1
 
     def lend(self, blueprint: Any) -> Any:
-        """A `gasp_genesis_mpm.stage.Stage` of the blueprint, for nobody else."""
-        from gasp_genesis_mpm.stage import Stage
+        """A `gasp_genesis_mpm.genesis_scene.Stage` of the blueprint, for nobody else."""
+        from gasp_genesis_mpm.genesis_scene import Stage
 
         with self._lock:
             for number, (own, stage) in enumerate(self._idle):

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.forcing import Impulse
-from gasp_core.engine.lattice import grid_node
-from gasp_core.engine.stability import MotionLimits, hardening_of, substep_size, substeps_to
-from gasp_core.engine.stepped import SteppedSession, StoppedError, kick
+from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.errors import SceneError
-from gasp_genesis_mpm.bounds import stable_step
+from gasp_core.stepping.grid import grid_node
+from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
+from gasp_core.stepping.time_step import MotionLimits, hardening_of, substep_size, substeps_to
 from gasp_genesis_mpm.checkpoint import restored, stored
-from gasp_genesis_mpm.performance import Performance
-from gasp_genesis_mpm.window import TooWideError
+from gasp_genesis_mpm.grid_window import TooWideError
+from gasp_genesis_mpm.scene_lease import Performance
+from gasp_genesis_mpm.time_step import stable_step
 
 __all__ = ["GenesisSession"]
 
@@ -32,7 +31,7 @@ _BATCH_TRAVEL = 0.5
 
 
 class GenesisSession(SteppedSession[Performance]):
-    """See `gasp_core.engine.contract.EngineSession`.
+    """See `gasp_core.contract.EngineSession`.
 
     Between two advances the state is here, in SI, and Genesis has it only while it steps. So a session that goes on and
     one that is taken up from a checkpoint do the same, bit for bit.
@@ -57,17 +56,19 @@ class GenesisSession(SteppedSession[Performance]):
             raise SceneError(f"genesis-mpm: {self._too_wide(error)}") from error
         super().__init__(problem, performance, engine="genesis-mpm", accuracy=accuracy, time=start.time)
 
-    def _begin(self, end: float) -> None:
+    def begin_advance(self, end: float) -> None:
+        """See `SteppedSession`."""
         self._inverted = 0
 
-    def _remarks(self) -> list[str]:
+    def warnings(self) -> list[str]:
+        """See `SteppedSession`."""
         if not self._inverted:
             return []
         return [f"{self._inverted} point(s) were turned inside out (det F <= 0) at once; results there are rough"]
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
-        self._living()
+        self.held()
         motion = self._motion
         return PointState(
             time=self._time,
@@ -78,16 +79,17 @@ class GenesisSession(SteppedSession[Performance]):
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
-        window = self._living().window
+        window = self.held().window
         return stored(self._time, self._motion, window, self._origin, self._spacing)
 
-    def _release(self, held: Performance) -> None:
+    def release(self, held: Performance) -> None:
+        """See `SteppedSession`."""
         held.end()
 
     def _places(self) -> Array:
         return self._motion.cells * self._spacing + self._origin
 
-    def _approach(self, landing: float, end: float) -> None:
+    def step_toward(self, landing: float, end: float) -> None:
         """A few equal substeps towards `landing`."""
         limits = self._limits()
         allowed = substep_size(limits, self._spacing, self._accuracy)
@@ -96,7 +98,7 @@ class GenesisSession(SteppedSession[Performance]):
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
         try:
-            self._motion = self._living().play(self._motion, taking, step)
+            self._motion = self.held().play(self._motion, taking, step)
         except TooWideError as error:
             raise StoppedError(Status.OUT_OF_DOMAIN, self._too_wide(error)) from error
         except FloatingPointError as error:
@@ -105,21 +107,22 @@ class GenesisSession(SteppedSession[Performance]):
                 f"Genesis: {error} (substeps of {step:.3g} s): lower substep_fraction, or check the scene's forces",
             ) from error
         # The last batch lands on the very number that was asked for, not on a sum of steps.
-        self._took(taking, step, landing if taking == count else self._time + taking * step)
+        self.record_steps(taking, step, landing if taking == count else self._time + taking * step)
         self._refuse_leap(step)
 
     def _limits(self) -> MotionLimits:
         motion = self._motion
         return MotionLimits(
-            stress=stable_step(self._problem, self._living().portions, motion, self._spacing),
+            stress=stable_step(self._problem, self.held().portions, motion, self._spacing),
             speed=float(np.linalg.norm(motion.velocities, axis=1).max()),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
         )
 
-    def _strike(self, impulse: Impulse) -> None:
-        given = kick(impulse, self._places(), self._problem.masses)
+    def apply_impulse(self, impulse: Impulse) -> None:
+        """See `SteppedSession`."""
+        given = impulse_change(impulse, self._places(), self._problem.masses)
         if given is not None:
             struck, change = given
             self._motion = replace(self._motion, velocities=self._motion.velocities + struck[:, None] * change)
@@ -135,14 +138,15 @@ class GenesisSession(SteppedSession[Performance]):
                 f"point {int(speeds.argmax())} moves {leap:.3g} cells in one substep of {step:.3g} s: the motion has"
                 " blown up; lower substep_fraction, or check the scene's forces",
             )
-        if not self._living().window.holds(motion.cells):
+        if not self.held().window.holds(motion.cells):
             raise StoppedError(
                 Status.OUT_OF_DOMAIN,
                 "a point flew to the edge of Genesis' grid between two looks, where it is held back: lower"
                 " substep_fraction, or check the scene's forces",
             )
 
-    def _look(self, step: float) -> None:
+    def check_state(self, step: float) -> None:
+        """See `SteppedSession`."""
         self._refuse_outside(self._places())
         if step:
             self._inverted = max(self._inverted, int((np.linalg.det(self._motion.deformations) <= 0).sum()))

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from gasp_core.engine.contract import PointEngine
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
+from gasp_core.contract import PointEngine
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
 from gasp_core.errors import EngineEnvironmentError
 
 

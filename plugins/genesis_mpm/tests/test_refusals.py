@@ -16,8 +16,7 @@ import pytest
 from gasp_genesis_mpm.engine import GenesisMpm
 from gasp_genesis_mpm.plugin import ENVIRONMENT, gasp_point_engines
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Elastic, EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 SOLID = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}

@@ -7,12 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision, Status
-from gasp_core.engine.forcing import Collider, Domain, DomainPolicy
-from gasp_core.engine.materials import Elastic, Fluid, Material, Sand
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
-from gasp_core.engine.shapes import BoxShape, HalfSpace
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    Domain,
+    DomainPolicy,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    Fluid,
+    HalfSpace,
+    Material,
+    PointCloud,
+    PointProblem,
+    Precision,
+    Sand,
+    Status,
+)
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
 from gasp_core.errors import SceneError
 
 SPACING = 0.1

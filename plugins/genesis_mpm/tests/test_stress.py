@@ -14,8 +14,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
-from gasp_core.engine.materials import Elastic, Fluid, Material, Metal, NeoHookean, Sand, Snow
+from gasp_core.contract import (
+    Elastic,
+    EngineAccuracy,
+    Fluid,
+    Material,
+    Metal,
+    NeoHookean,
+    PointCloud,
+    PointProblem,
+    Precision,
+    Sand,
+    Snow,
+)
 
 Array = NDArray[Any]
 

@@ -8,9 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import Collider, ContactCondition, Drive, Driven, Impulse, Side, Wind
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Drive,
+    Driven,
+    HalfSpace,
+    Impulse,
+    PointProblem,
+    Side,
+    SphereShape,
+    Wind,
+)
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 

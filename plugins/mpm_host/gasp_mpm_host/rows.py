@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
+from gasp_core.contract import PointProblem
 from gasp_core.errors import SceneError
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units

@@ -14,11 +14,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.lattice import grid_node
-from gasp_core.engine.materials import Fluid, Foam, Material, Metal, Plasticine, Sand, Snow
-from gasp_core.engine.mpm import averaged_lame
-from gasp_core.engine.stability import rest_bound
+from gasp_core.contract import Fluid, Foam, Material, Metal, Plasticine, PointProblem, Sand, Snow
+from gasp_core.stepping.grid import grid_node
+from gasp_core.stepping.mpm import averaged_lame
+from gasp_core.stepping.time_step import rest_bound
 from gasp_mpm_host import layout as at
 
 __all__ = ["Units", "material_table"]
@@ -39,7 +38,7 @@ class Units:
     mass
         Unit of mass [kg].
     anchor : (3,) [m]
-        A node of the grid (`gasp_core.engine.lattice.grid_node`).
+        A node of the grid (`gasp_core.stepping.grid.grid_node`).
     """
 
     spacing: float

@@ -12,17 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.forcing import DomainPolicy, Impulse
-from gasp_core.engine.stability import (
-    MotionLimits,
-    driven_speed,
-    hardening_of,
-    substep_size,
-    substeps_to,
-)
-from gasp_core.engine.stepped import SteppedSession, StoppedError, kick
+from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.errors import SceneError
+from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import (
@@ -127,7 +120,7 @@ def _time_of(restart: Mapping[str, Array], frame: Array, engine: str) -> float:
 
 
 class MpmSession(SteppedSession[SteppedCloud]):
-    """A session of an explicit MPM engine; see `gasp_core.engine.contract.EngineSession`.
+    """A session of an explicit MPM engine; see `gasp_core.contract.EngineSession`.
 
     Parameters
     ----------
@@ -179,11 +172,13 @@ class MpmSession(SteppedSession[SteppedCloud]):
         self._clamped = False
         self._inverted = 0
 
-    def _begin(self, end: float) -> None:
+    def begin_advance(self, end: float) -> None:
+        """See `SteppedSession`."""
         self._clamped = False
         self._inverted = 0
 
-    def _remarks(self) -> list[str]:
+    def warnings(self) -> list[str]:
+        """See `SteppedSession`."""
         told: list[str] = []
         if self._inverted:
             told.append(f"{self._inverted} point(s) are inverted (det F <= 0): refine the grid or stiffen the material")
@@ -191,7 +186,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             told.append("matter was held back at the domain's edge")
         return told
 
-    def _approach(self, landing: float, end: float) -> None:
+    def step_toward(self, landing: float, end: float) -> None:
         """One batch of equal steps towards `landing`."""
         limits = self._limits(self._survey)
         allowed = substep_size(limits, self._units.spacing, self._accuracy)
@@ -202,8 +197,9 @@ class MpmSession(SteppedSession[SteppedCloud]):
         # The last batch lands on the very number that was asked for, not on a sum of steps.
         self._take(taking, step, landing if taking == count else None)
 
-    def _look(self, step: float) -> None:
-        self._survey = self._living().survey()
+    def check_state(self, step: float) -> None:
+        """See `SteppedSession`."""
+        self._survey = self.held().survey()
         self._judge(self._survey, step)
 
     def _limits(self, survey: Survey) -> MotionLimits:
@@ -219,7 +215,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def _take(self, count: int, step: float, landing: float | None) -> None:
         """Take `count` steps, the last of which ends at `landing`, if any; sort where a point has strayed from home."""
-        cloud = self._living()
+        cloud = self.held()
         begin = self._time
         winds, drives = active_winds(self._problem, begin), active_drives(self._problem, begin)
         placed = [drive_rows(drives, begin + index * step, self._units) for index in range(count)]
@@ -236,7 +232,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
             done += taken
             self._clamped |= clamped
             if taken:
-                self._took(taken, step, landing if landing is not None and done == count else begin + done * step)
+                there = landing is not None and done == count
+                self.record_steps(taken, step, landing if there else begin + done * step)
             if drifted:
                 self._judge(cloud.survey(), step)
                 self._sort(cloud)
@@ -251,15 +248,16 @@ class MpmSession(SteppedSession[SteppedCloud]):
                 " add a floor or a domain, or use a coarser resolution",
             ) from error
 
-    def _strike(self, impulse: Impulse) -> None:
-        cloud = self._living()
-        given = kick(impulse, cloud.positions(), self._problem.masses)
+    def apply_impulse(self, impulse: Impulse) -> None:
+        """See `SteppedSession`."""
+        cloud = self.held()
+        given = impulse_change(impulse, cloud.positions(), self._problem.masses)
         if given is not None:
             cloud.push(*given)
 
     def _judge(self, survey: Survey, step: float) -> None:
         """Stop where the state is no longer credible or has left the domain."""
-        cloud = self._living()
+        cloud = self.held()
         if not survey.finite:
             self._refuse_lost(step, cloud.positions(), cloud.velocities(), cloud.deformation_gradients())
             raise StoppedError(Status.NON_FINITE, f"the state is no longer finite, with substeps of {step:.3g} s")
@@ -277,7 +275,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, float64, owned."""
-        cloud = self._living()
+        cloud = self.held()
         traced = self._problem.points.tracer_positions is not None and Field.TRACER_POSITIONS in fields
         return PointState(
             time=self._time,
@@ -289,7 +287,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything a restart needs."""
-        return {"time": np.array(self._time), "frame": self._frame.copy(), **self._living().checkpoint()}
+        return {"time": np.array(self._time), "frame": self._frame.copy(), **self.held().checkpoint()}
 
-    def _release(self, held: SteppedCloud) -> None:
+    def release(self, held: SteppedCloud) -> None:
+        """See `SteppedSession`."""
         held.close()

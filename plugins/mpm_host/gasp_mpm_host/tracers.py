@@ -1,6 +1,6 @@
 """Massless points that the grid carries along: where they are, and which of them anything can move.
 
-A tracer moves with the mean velocity of the nodes around it (`gasp_core.engine.mpm.presence`). One with no mass in
+A tracer moves with the mean velocity of the nodes around it (`gasp_core.stepping.mpm.presence`). One with no mass in
 reach rests: it is left out of the steps until the next sort, and costs nothing.
 """
 
@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointCloud
+from gasp_core.contract import PointCloud
 from gasp_core.errors import SceneError
 from gasp_mpm_host.cells import BLOCK, CellTables, blocks_in_reach, cell_keys, stable_order
 from gasp_mpm_host.scaling import Units

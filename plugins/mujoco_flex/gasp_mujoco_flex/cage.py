@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from gasp_mujoco_flex.body_mass import Matter, affine_fit
 from gasp_mujoco_flex.elements import CORNERS
 from gasp_mujoco_flex.embedding import Embedding
-from gasp_mujoco_flex.lattice import Lattice
-from gasp_mujoco_flex.matter import Matter, affine_fit
+from gasp_mujoco_flex.voxel_grid import Lattice
 
 __all__ = ["Cage", "cage_of"]
 

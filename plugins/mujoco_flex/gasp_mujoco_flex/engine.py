@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
-from gasp_core.engine.materials import Rigid
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision, Rigid
 from gasp_core.errors import SceneError
+from gasp_mujoco_flex.body_mass import matter_of
 from gasp_mujoco_flex.cage import Cage, cage_of
-from gasp_mujoco_flex.lattice import lattice_around, node_count, point_distance
-from gasp_mujoco_flex.matter import matter_of
 from gasp_mujoco_flex.model import build_model
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody, rigid_body
 from gasp_mujoco_flex.session import MujocoSession
+from gasp_mujoco_flex.voxel_grid import lattice_around, node_count, point_distance
 
 __all__ = ["MujocoFlex"]
 
@@ -33,7 +32,7 @@ _COARSER = 1.03
 
 
 class MujocoFlex:
-    """Soft bodies in cages of finite elements, and rigid ones; see `gasp_core.engine.contract.PointEngine`."""
+    """Soft bodies in cages of finite elements, and rigid ones; see `gasp_core.contract.PointEngine`."""
 
     def open(
         self,

@@ -11,13 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import Collider, ContactCondition, Side
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Collider, ContactCondition, Elastic, PointProblem, Side
 from gasp_core.errors import SceneError
 from gasp_mujoco_flex.cage import Cage
+from gasp_mujoco_flex.colliders import geoms_of
 from gasp_mujoco_flex.elements import cell_stiffness, elasticity
-from gasp_mujoco_flex.obstacles import geoms_of
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody
 from gasp_mujoco_flex.units import Units, units_of

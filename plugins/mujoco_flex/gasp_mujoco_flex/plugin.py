@@ -6,19 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gasp_core.engine.checks import finite
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Driven,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
     Precision,
     Quantity,
+    Rigid,
+    SphereShape,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic, Rigid
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract.validation import finite
+from gasp_core.discovery.hookspecs import hookimpl
 from gasp_core.errors import SceneError
 
 __all__ = ["MujocoOptions", "gasp_point_engines"]

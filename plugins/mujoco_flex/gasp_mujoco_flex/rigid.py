@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from gasp_mujoco_flex.body_mass import Matter
 from gasp_mujoco_flex.elements import CORNERS
-from gasp_mujoco_flex.lattice import Lattice
-from gasp_mujoco_flex.matter import Matter
+from gasp_mujoco_flex.voxel_grid import Lattice
 
 __all__ = ["RigidBody", "merged_boxes", "rigid_body"]
 

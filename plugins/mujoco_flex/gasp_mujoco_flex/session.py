@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.forcing import Impulse
-from gasp_core.engine.stability import substeps_to
-from gasp_core.engine.stepped import SteppedSession, StoppedError
+from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.errors import SceneError
+from gasp_core.stepping.session import SteppedSession, StoppedError
+from gasp_core.stepping.time_step import substeps_to
 from gasp_mujoco_flex.model import Model
-from gasp_mujoco_flex.motion import Motion
-from gasp_mujoco_flex.stepping import step_size
+from gasp_mujoco_flex.stepper import Motion
+from gasp_mujoco_flex.time_step import step_size
 from gasp_mujoco_flex.units import fastest_sound
 
 __all__ = ["MujocoSession"]
@@ -28,7 +27,7 @@ _CYCLE = 10
 
 
 class MujocoSession(SteppedSession[Motion]):
-    """See `gasp_core.engine.contract.EngineSession`."""
+    """See `gasp_core.contract.EngineSession`."""
 
     def __init__(
         self,
@@ -49,18 +48,21 @@ class MujocoSession(SteppedSession[Motion]):
         super().__init__(problem, motion, engine="mujoco-flex", accuracy=accuracy, time=time, notes=notes)
         self._span = 0.0
 
-    def _begin(self, end: float) -> None:
+    def begin_advance(self, end: float) -> None:
+        """See `SteppedSession`."""
         self._span = end - self._time
 
-    def _remarks(self) -> list[str]:
-        return self._living().complaints()
+    def warnings(self) -> list[str]:
+        """See `SteppedSession`."""
+        return self.held().complaints()
 
-    def _strike(self, impulse: Impulse) -> None:
-        self._living().strike(impulse)
+    def apply_impulse(self, impulse: Impulse) -> None:
+        """See `SteppedSession`."""
+        self.held().strike(impulse)
 
-    def _approach(self, landing: float, end: float) -> None:
+    def step_toward(self, landing: float, end: float) -> None:
         """Some equal steps towards `landing`."""
-        motion = self._living()
+        motion = self.held()
         allowed = step_size(
             self._accuracy,
             span=self._span,
@@ -76,7 +78,7 @@ class MujocoSession(SteppedSession[Motion]):
         for number in range(min(count, _CYCLE)):
             failure = motion.step(begun + number * step, step)
             # The last one lands on the very number that was asked for, not on a sum of steps.
-            self._took(1, step, landing if number + 1 == count else begun + (number + 1) * step)
+            self.record_steps(1, step, landing if number + 1 == count else begun + (number + 1) * step)
             if failure:
                 raise StoppedError(Status.NOT_CONVERGED, failure)
             lost = motion.lost()
@@ -94,7 +96,7 @@ class MujocoSession(SteppedSession[Motion]):
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, owned."""
-        motion = self._living()
+        motion = self.held()
         return PointState(
             time=self._time,
             positions=motion.positions(),
@@ -103,7 +105,7 @@ class MujocoSession(SteppedSession[Motion]):
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
-        return {"time": np.array(self._time), **self._living().checkpoint()}
+        return {"time": np.array(self._time), **self.held().checkpoint()}
 
 
 def _restored(motion: Motion, checkpoint: Mapping[str, Array]) -> float:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.detector import sound_speed
+from gasp_core.contract import PointProblem
+from gasp_core.simulation.monitor import sound_speed
 from gasp_mujoco_flex.cage import Cage
 from gasp_mujoco_flex.rigid import RigidBody
 

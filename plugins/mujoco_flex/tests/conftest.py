@@ -9,8 +9,7 @@ from gasp_mujoco_flex.engine import MujocoFlex
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.session import MujocoSession
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem
-from gasp_core.engine.materials import Material
+from gasp_core.contract import EngineAccuracy, Material, PointCloud, PointProblem
 
 
 def lattice(counts: tuple[int, int, int], distance: float, corner: tuple[float, float, float]) -> np.ndarray:

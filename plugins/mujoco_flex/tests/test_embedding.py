@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
+from gasp_mujoco_flex.body_mass import Matter
 from gasp_mujoco_flex.cage import cage_of
-from gasp_mujoco_flex.lattice import lattice_around
-from gasp_mujoco_flex.matter import Matter
+from gasp_mujoco_flex.voxel_grid import lattice_around
 
 
 def test_points_are_carried_by_trilinear_weights():

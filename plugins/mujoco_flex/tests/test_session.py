@@ -9,10 +9,22 @@ import pytest
 from gasp_mujoco_flex.engine import MujocoFlex
 from gasp_mujoco_flex.plugin import MujocoOptions
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, Status
-from gasp_core.engine.forcing import Collider, ContactCondition, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.materials import Elastic, Rigid
-from gasp_core.engine.shapes import HalfSpace, SphereShape
+from gasp_core.contract import (
+    Collider,
+    ContactCondition,
+    Driven,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointCloud,
+    Rigid,
+    SphereShape,
+    Status,
+    Wind,
+)
 from gasp_core.errors import SceneError
 
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
@@ -59,7 +71,7 @@ def test_a_soft_body_keeps_its_momenta_in_long_steps(block, opened):
 
 def nodal_momenta(session):
     """Momentum, and angular momentum about the origin, of a session's nodes."""
-    motion = session._living()
+    motion = session.held()
     state, model = motion._state, motion._model
     masses = model.nodal_masses[:, None] * model.units.mass
     return (masses * state.velocities).sum(axis=0), np.cross(state.places, masses * state.velocities).sum(axis=0)

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gasp_mujoco_flex.lattice import enclosed, lattice_around, node_count, point_distance
-from gasp_mujoco_flex.obstacles import HOLLOW_DIRECTIONS
+from gasp_mujoco_flex.colliders import HOLLOW_DIRECTIONS
 from gasp_mujoco_flex.rigid import merged_boxes
+from gasp_mujoco_flex.voxel_grid import enclosed, lattice_around, node_count, point_distance
 
 from gasp_core.errors import SceneError
 

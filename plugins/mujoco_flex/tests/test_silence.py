@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gasp_core.engine.contract import PointProblem, Status
-from gasp_core.engine.materials import Elastic, Material, Rigid
+from gasp_core.contract import Elastic, Material, PointProblem, Rigid, Status
 
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 RIGID = Rigid(density=1000.0)

@@ -14,18 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.forcing import (
+from gasp_core.contract import (
+    BoxShape,
     Collider,
     ContactCondition,
     Domain,
     Drive,
     Driven,
     ForceField,
+    HalfSpace,
     Impulse,
     Side,
     Wind,
 )
-from gasp_core.engine.shapes import BoxShape, HalfSpace
 
 __all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "rotation"]
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointCloud, PointProblem, Precision
-from gasp_core.engine.stability import refuse_unstable_substep
+from gasp_core.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.errors import SceneError
-from gasp_reference_mpm.lattice import grid_excess, grid_origin
-from gasp_reference_mpm.matter import Motion, matter_of
+from gasp_core.stepping.time_step import refuse_unstable_substep
+from gasp_reference_mpm.grid import grid_excess, grid_origin
+from gasp_reference_mpm.material_points import Motion, matter_of
 from gasp_reference_mpm.session import ReferenceSession
 from gasp_reference_mpm.substep import seeded_affine_velocities
 
@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 
 class ReferenceMpm:
-    """MLS-MPM in plain NumPy and double precision; see `gasp_core.engine.contract.PointEngine`."""
+    """MLS-MPM in plain NumPy and double precision; see `gasp_core.contract.PointEngine`."""
 
     def open(
         self,

@@ -10,18 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointProblem, PointState, Status
-from gasp_core.engine.forcing import DomainPolicy, Impulse
-from gasp_core.engine.stability import (
-    MotionLimits,
-    driven_speed,
-    hardening_of,
-    substep_size,
-    substeps_to,
-)
-from gasp_core.engine.stepped import SteppedSession, StoppedError, kick
-from gasp_reference_mpm.lattice import grid_excess
-from gasp_reference_mpm.matter import Matter, Motion, stable_step
+from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
+from gasp_reference_mpm.grid import grid_excess
+from gasp_reference_mpm.material_points import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
 
 __all__ = ["ReferenceSession"]
@@ -35,7 +28,7 @@ _CYCLE_TRAVEL = 0.5
 
 
 class ReferenceSession(SteppedSession[Motion]):
-    """See `gasp_core.engine.contract.EngineSession`."""
+    """See `gasp_core.contract.EngineSession`."""
 
     def __init__(
         self,
@@ -55,11 +48,13 @@ class ReferenceSession(SteppedSession[Motion]):
         self._inverted = 0
         self._hardening = hardening_of(problem)
 
-    def _begin(self, end: float) -> None:
+    def begin_advance(self, end: float) -> None:
+        """See `SteppedSession`."""
         self._held_back[:] = False
         self._inverted = 0
 
-    def _remarks(self) -> list[str]:
+    def warnings(self) -> list[str]:
+        """See `SteppedSession`."""
         told: list[str] = []
         if self._inverted:
             told.append(
@@ -71,7 +66,7 @@ class ReferenceSession(SteppedSession[Motion]):
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
-        motion = self._living()
+        motion = self.held()
         traced = Field.TRACER_POSITIONS in fields and self._problem.points.tracer_positions is not None
         return PointState(
             time=self._time,
@@ -83,7 +78,7 @@ class ReferenceSession(SteppedSession[Motion]):
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
-        motion = self._living()
+        motion = self.held()
         return {
             "time": np.array(self._time),
             "positions": motion.positions.copy(),
@@ -95,9 +90,9 @@ class ReferenceSession(SteppedSession[Motion]):
             "tracers": motion.tracers.copy(),
         }
 
-    def _approach(self, landing: float, end: float) -> None:
+    def step_toward(self, landing: float, end: float) -> None:
         """A few equal substeps towards `landing`."""
-        motion = self._living()
+        motion = self.held()
         limits = self._limits(motion)
         allowed = substep_size(limits, self._spacing, self._accuracy)
         self._refuse_too_many(allowed, end)
@@ -116,7 +111,7 @@ class ReferenceSession(SteppedSession[Motion]):
             motion = self._clamped(motion)
         self._held = motion
         # The last cycle lands on the very number that was asked for, not on a sum of steps.
-        self._took(taking, step, landing if taking == count else start + taking * step)
+        self.record_steps(taking, step, landing if taking == count else start + taking * step)
 
     def _limits(self, motion: Motion) -> MotionLimits:
         places = motion.positions + self._origin
@@ -130,9 +125,10 @@ class ReferenceSession(SteppedSession[Motion]):
             hardening=self._hardening,
         )
 
-    def _strike(self, impulse: Impulse) -> None:
-        motion = self._living()
-        given = kick(impulse, motion.positions + self._origin, self._matter.masses)
+    def apply_impulse(self, impulse: Impulse) -> None:
+        """See `SteppedSession`."""
+        motion = self.held()
+        given = impulse_change(impulse, motion.positions + self._origin, self._matter.masses)
         if given is not None:
             struck, change = given
             self._held = replace(motion, velocities=motion.velocities + struck[:, None] * change)
@@ -158,9 +154,9 @@ class ReferenceSession(SteppedSession[Motion]):
                 f" try a substep below {step / 2 / leap.max():.3g} s",
             )
 
-    def _look(self, step: float) -> None:
+    def check_state(self, step: float) -> None:
         """Refuse a cloud that has left its domain or outgrown the grid; count inverted points."""
-        motion = self._living()
+        motion = self.held()
         places = motion.positions + self._origin
         self._refuse_outside(places)
         excess = grid_excess(places, self._spacing)

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.forcing import DomainPolicy
+from gasp_core.contract import DomainPolicy, PointProblem
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
-from gasp_reference_mpm.matter import Matter, Motion, deformed, kirchhoff_stress
+from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
 
 __all__ = ["seeded_affine_velocities", "substep"]

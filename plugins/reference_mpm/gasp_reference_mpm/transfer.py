@@ -3,7 +3,7 @@
 A point speaks to the 3 x 3 x 3 nodes around it. It carries its velocity v and an affine field C about itself, so that
 what it gives to the grid and takes back is exact for every velocity field that is affine in space, and linear and
 angular momentum are conserved (Jiang et al. 2015, 10.1145/2766996; the moving-least-squares form is Hu et al. 2018,
-10.1145/3197517.3201293). Stress acts, and the rate of deformation is read, by the kernel of `gasp_core.engine.mpm`.
+10.1145/3197517.3201293). Stress acts, and the rate of deformation is read, by the kernel of `gasp_core.stepping.mpm`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.engine.mpm import GRADIENT_SHARE, presence
+from gasp_core.stepping.mpm import GRADIENT_SHARE, presence
 
 __all__ = [
     "GridMomentum",
@@ -186,7 +186,7 @@ def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocitie
     """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
 
     The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for
-    (`gasp_core.engine.mpm.presence`); where there is none, zero.
+    (`gasp_core.stepping.mpm.presence`); where there is none, zero.
 
     Parameters
     ----------

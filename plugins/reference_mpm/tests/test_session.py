@@ -12,30 +12,38 @@ from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.session import ReferenceSession
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.engine.contract import (
-    EngineAccuracy,
-    Field,
-    PointCloud,
-    PointProblem,
-    PointState,
-    Precision,
-    Status,
-)
-from gasp_core.engine.forcing import (
+from gasp_core.contract import (
+    BoxShape,
     Collider,
     ContactCondition,
     Domain,
     DomainPolicy,
     Driven,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    Fluid,
+    Foam,
+    HalfSpace,
     Impulse,
+    Material,
+    Metal,
+    NeoHookean,
     Pinned,
+    Plasticine,
+    PointCloud,
+    PointProblem,
+    PointState,
+    Precision,
+    Sand,
     Side,
+    Snow,
+    SphereShape,
+    Status,
     Wind,
 )
-from gasp_core.engine.materials import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, Sand, Snow
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_core.engine.stability import rest_bound
 from gasp_core.errors import SceneError
+from gasp_core.stepping.time_step import rest_bound
 
 Array = NDArray[Any]
 
@@ -477,7 +485,7 @@ def test_a_cloud_too_wide_for_the_grid_names_the_farthest_point(monkeypatch: pyt
     with pytest.raises(SceneError, match=r"farthest is point 5 at \(300"):
         opened(problem(start, 0.01), 0.01)
     # And one that becomes so: two halves that part at 70 m/s, from 15^3 nodes to 30^3 and more.
-    monkeypatch.setattr("gasp_reference_mpm.lattice._NODE_CAP", 27_000)
+    monkeypatch.setattr("gasp_reference_mpm.grid._NODE_CAP", 27_000)
     halves = np.concatenate([box((1, 1, 1), 0.01), box((1, 1, 1), 0.01, (0.1, 0.1, 0.1))])
     scene = problem(halves, 0.01, velocity=np.repeat([[0.0, 0, 0], [40.0, 40.0, 40.0]], 8, axis=0))
     with opened(scene, 0.01) as session:

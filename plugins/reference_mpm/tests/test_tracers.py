@@ -8,10 +8,18 @@ from typing import Any
 import numpy as np
 from gasp_reference_mpm.engine import ReferenceMpm
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, Precision
-from gasp_core.engine.forcing import Collider, Domain, DomainPolicy
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import (
+    Collider,
+    Domain,
+    DomainPolicy,
+    Elastic,
+    EngineAccuracy,
+    Field,
+    HalfSpace,
+    PointCloud,
+    PointProblem,
+    Precision,
+)
 
 ACCURACY = EngineAccuracy(spacing=0.1)
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import LOW_PASS, Picture
-from gasp_core.splats import Splats
 from gasp_renderer.inputs import checked_inputs, checked_occluders
 
 __all__ = ["GsplatRenderer", "hidden"]
@@ -51,7 +51,7 @@ class GsplatRenderer:
             raise RenderingError('the renderer "gsplat" needs an NVIDIA GPU and torch finds none: take "numba" instead')
         self._gsplat, self._torch = gsplat, torch
 
-    def render(self, splats: Splats, camera: Camera, *, occluders: Array | None = None) -> Picture:
+    def render(self, splats: RenderInput, camera: Camera, *, occluders: Array | None = None) -> Picture:
         """Draw splats on a transparent ground; see `SplatRenderer.render`."""
         walls = checked_occluders(occluders, camera)
         inputs = checked_inputs(splats)

@@ -1,4 +1,4 @@
-"""Splats as a renderer reads them: checked, contiguous, of the precision it computes in."""
+"""RenderInput as a renderer reads them: checked, contiguous, of the precision it computes in."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gasp_core.errors import RenderingError
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
-from gasp_core.splats import Splats
 
 __all__ = ["FARTHEST", "Inputs", "checked_inputs", "checked_occluders"]
 
@@ -36,7 +36,7 @@ class Inputs(NamedTuple):
     turns: Array
 
 
-def checked_inputs(splats: Splats, *, narrow: DTypeLike = np.float32) -> Inputs:
+def checked_inputs(splats: RenderInput, *, narrow: DTypeLike = np.float32) -> Inputs:
     """The arrays of splats.
 
     Parameters
@@ -105,7 +105,7 @@ def _checked(
     if values is None:
         return _readable(np.empty((0, *shape)), dtype)
     if values.dtype.kind not in "fiu":
-        raise RenderingError(f"Splats.{name} holds {values.dtype}, not real numbers: convert it to float32")
+        raise RenderingError(f"RenderInput.{name} holds {values.dtype}, not real numbers: convert it to float32")
     array = _readable(values if prepare is None else prepare(values), dtype)
     # Squares of what a float32 holds stay finite in float64; beyond that nothing is promised.
     usable = np.abs(array) <= np.finfo(np.float32).max if array.dtype == np.float64 else np.isfinite(array)
@@ -113,8 +113,8 @@ def _checked(
         bad = np.flatnonzero(~np.asarray(usable).reshape(len(array), -1).all(axis=1))
         row = bad[0]
         raise RenderingError(
-            f"Splats.{name} is not finite, or too large for float32, in row {row} ({values[row].tolist()!s:.80}), one"
-            f" of {len(bad):,}: leave those Gaussians out, or look for where they come from"
+            f"RenderInput.{name} is not finite, or too large for float32, in row {row} ({values[row].tolist()!s:.80}),"
+            f" one of {len(bad):,}: leave those Gaussians out, or look for where they come from"
         )
     return array
 

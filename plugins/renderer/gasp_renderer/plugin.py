@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.util import find_spec
 
-from gasp_core.engine.hookspecs import RendererDescriptor, hookimpl
+from gasp_core.discovery.hookspecs import RendererDescriptor, hookimpl
 
 __all__ = ["gasp_splat_renderers"]
 

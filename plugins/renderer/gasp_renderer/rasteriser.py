@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture
-from gasp_core.splats import Splats
 from gasp_renderer.binning import count_pairs, list_pairs
 from gasp_renderer.blending import blend
 from gasp_renderer.inputs import checked_inputs, checked_occluders
@@ -41,7 +41,7 @@ class NumbaRenderer:
         self._depths = np.empty(0, np.float64)
         self._boxes = np.empty((0, 4), np.int16)
 
-    def render(self, splats: Splats, camera: Camera, *, occluders: Array | None = None) -> Picture:
+    def render(self, splats: RenderInput, camera: Camera, *, occluders: Array | None = None) -> Picture:
         """Draw splats on a transparent ground; see `SplatRenderer.render`."""
         walls = checked_occluders(occluders, camera)
         inputs = checked_inputs(splats)

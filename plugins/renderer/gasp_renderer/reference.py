@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis, material_directions
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import ALPHA_FLOOR, ALPHA_LIMIT, LOW_PASS, Picture
-from gasp_core.splats import Splats
 from gasp_renderer.inputs import FARTHEST, Inputs, checked_inputs, checked_occluders
 
 __all__ = ["ReferenceRenderer"]
@@ -26,7 +26,7 @@ Array = NDArray[Any]
 class ReferenceRenderer:
     """Draws splats by brute force in float64."""
 
-    def render(self, splats: Splats, camera: Camera, *, occluders: Array | None = None) -> Picture:
+    def render(self, splats: RenderInput, camera: Camera, *, occluders: Array | None = None) -> Picture:
         """Draw splats on a transparent ground; see `SplatRenderer.render`."""
         walls = checked_occluders(occluders, camera, np.float64)
         inputs = checked_inputs(splats, narrow=np.float64)

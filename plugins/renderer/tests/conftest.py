@@ -11,9 +11,9 @@ from gasp_renderer.reference import ReferenceRenderer
 from hypothesis import settings
 
 from gasp_core.io import read_splat
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import ALPHA_FLOOR
-from gasp_core.splats import Splats
 
 # A slow machine is not a failure.
 settings.register_profile("untimed", deadline=None)
@@ -31,7 +31,7 @@ def data() -> Path:
 @pytest.fixture(scope="session")
 def real(data):
     """Real splats by name, each read once."""
-    return cache(lambda name: Splats.of(read_splat(data / "splats" / name)))
+    return cache(lambda name: RenderInput.of(read_splat(data / "splats" / name)))
 
 
 @pytest.fixture(scope="session")
@@ -55,9 +55,9 @@ def three_views():
 def cloud():
     """Random splats about the origin, a different set for every seed."""
 
-    def make(count=40, seed=0, *, degree=0, size=(-2.5, -0.5), dtype=np.float32) -> Splats:
+    def make(count=40, seed=0, *, degree=0, size=(-2.5, -0.5), dtype=np.float32) -> RenderInput:
         rng = np.random.default_rng(seed)
-        return Splats(
+        return RenderInput(
             means=rng.normal(size=(count, 3)).astype(dtype),
             quaternions=rng.normal(size=(count, 4)).astype(dtype),
             scales=(10 ** rng.uniform(*size, size=(count, 3))).astype(dtype),
@@ -112,7 +112,7 @@ def rounding(oracle):
     def one(splats, i, opacity):
         arrays = {name: getattr(splats, name) for name in type(splats).__dataclass_fields__}
         rows = {name: values if values is None else values[[i]] for name, values in arrays.items()}
-        return Splats(**rows | {"opacities": rows["opacities"].astype(np.float64) * opacity})
+        return RenderInput(**rows | {"opacities": rows["opacities"].astype(np.float64) * opacity})
 
     def bound(splats, camera):
         # The whitened coordinates are sums of three terms. None is larger than sqrt(log2(e) / 2 / 0.3) = 1.55 a pixel

@@ -5,9 +5,9 @@ import pytest
 from gasp_renderer import memory
 
 from gasp_core.errors import RenderingError
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import ALPHA_LIMIT
-from gasp_core.splats import Splats
 
 
 def finite(picture):
@@ -57,8 +57,8 @@ def test_an_8k_picture_has_its_gaussians_where_they_belong(front, cloud, fast):
 
 
 def test_no_gaussians_are_an_empty_picture(cloud, front, renderer):
-    none = Splats(
-        **{f.name: getattr(cloud(3), f.name)[:0] for f in fields(Splats) if getattr(cloud(3), f.name) is not None}
+    none = RenderInput(
+        **{f.name: getattr(cloud(3), f.name)[:0] for f in fields(RenderInput) if getattr(cloud(3), f.name) is not None}
     )
     assert empty(renderer.render(none, front()))
     assert empty(renderer.render(none, front(), occluders=np.ones((40, 48))))
@@ -137,12 +137,12 @@ def test_numbers_that_are_none_are_refused_by_row_and_array(name, bad, cloud, fr
     values[7].flat[-1] = values[4].flat[0] = bad
     if values.ndim == 1:
         values[[4, 7]] = bad
-    with pytest.raises(RenderingError, match=rf"Splats\.{name} is not finite.* row 4 .*one of 2"):
+    with pytest.raises(RenderingError, match=rf"RenderInput\.{name} is not finite.* row 4 .*one of 2"):
         renderer.render(replace(splats, **{name: values}), front())
 
 
 def test_arrays_that_hold_no_numbers_are_refused(cloud, front, renderer):
-    with pytest.raises(RenderingError, match=r"Splats\.scales holds object"):
+    with pytest.raises(RenderingError, match=r"RenderInput\.scales holds object"):
         renderer.render(replace(cloud(2), scales=np.full((2, 3), "0.1", dtype=object)), front())
 
 

@@ -11,8 +11,8 @@ from gasp_renderer.cuda import GsplatRenderer, hidden
 from gasp_core.errors import RenderingError
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
-from gasp_core.splats import Splats
 
 
 class Tensor(np.ndarray):
@@ -68,7 +68,7 @@ def gsplat(monkeypatch, oracle):
         )
         flat = (asked["colors"][:, None] - 0.5) / 0.28209479177387814
         drawn = oracle.render(
-            Splats(means=asked["means"], opacities=asked["opacities"], harmonics=flat, **shape), camera
+            RenderInput(means=asked["means"], opacities=asked["opacities"], harmonics=flat, **shape), camera
         )
         depth = np.where(drawn.alpha > 0, drawn.depth, 0)
         picture = np.concatenate([drawn.colour, depth[:, :, None]], axis=2)[None].view(Tensor)

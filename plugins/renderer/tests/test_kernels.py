@@ -70,11 +70,11 @@ DRAW = """
 import hashlib
 import numpy as np
 from gasp_core.rendering.camera import look_at
-from gasp_core.splats import Splats
+from gasp_core.render_input import RenderInput
 from gasp_renderer import binning, blending, projection, sorting
 from gasp_renderer.rasteriser import NumbaRenderer
 rng = np.random.default_rng(0)
-splats = Splats(
+splats = RenderInput(
     means=rng.normal(size=(3000, 3)), opacities=rng.random(3000), harmonics=rng.normal(size=(3000, 4, 3)),
     quaternions=rng.normal(size=(3000, 4)), scales=10 ** rng.uniform(-3, -1, size=(3000, 3)),
 )

@@ -7,8 +7,8 @@ import pytest
 from gasp_renderer.rasteriser import NumbaRenderer
 from gasp_renderer.reference import ReferenceRenderer
 
-from gasp_core.engine.foreign import import_factory
-from gasp_core.engine.plugins import offer_fault
+from gasp_core.discovery.loading import import_factory
+from gasp_core.discovery.plugins import offer_fault
 
 
 def test_listing_the_renderers_imports_no_backend():

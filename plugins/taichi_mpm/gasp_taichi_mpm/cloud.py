@@ -14,8 +14,8 @@ from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.mpm import averaged_lame
+from gasp_core.contract import PointProblem
+from gasp_core.stepping.mpm import averaged_lame
 from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
 from gasp_taichi_mpm.memory import Memory

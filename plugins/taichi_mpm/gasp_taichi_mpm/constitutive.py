@@ -187,7 +187,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
     def hencky(F, history, dt, mu, lame, materials: ti.template(), row, viscous: ti.template()):
         """Hencky elasticity with von Mises yield (Simo 1992), or overstress that flows off in time (Yue et al. 2015).
 
-        `gasp_core.engine.materials`: metal, plasticine and foam.
+        `gasp_core.contract.materials`: metal, plasticine and foam.
         """
         B, V, U, S, volume, crushed = upright(F)
         e = ti.log(S)

@@ -39,7 +39,7 @@ def _distance(table: ti.template(), row, node):
 
 @ti.func
 def _normal(table: ti.template(), row, node):
-    """Outward unit normal of the shape at `row`, as `gasp_core.engine.shapes` defines it."""
+    """Outward unit normal of the shape at `row`, as `gasp_core.contract.shapes` defines it."""
     kind = ti.cast(table[row], ti.i32)
     a = _triple(table, row + 1)
     b = _triple(table, row + 4)

@@ -9,9 +9,9 @@ from typing import Any
 from gasp_mpm_host.session import MpmSession
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, PointProblem, Precision
-from gasp_core.engine.stability import refuse_unstable_substep
-from gasp_core.engine.threads import ThreadOptions
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.stepping.threads import ThreadOptions
+from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_taichi_mpm import runtime
 from gasp_taichi_mpm.cloud import Cloud
 
@@ -19,7 +19,7 @@ __all__ = ["TaichiMpm"]
 
 
 class TaichiMpm:
-    """MLS-MPM in Taichi; see `gasp_core.engine.contract.PointEngine`."""
+    """MLS-MPM in Taichi; see `gasp_core.contract.PointEngine`."""
 
     def open(
         self,

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from gasp_core.engine.mpm import FULL_PRESENCE
+from gasp_core.stepping.mpm import FULL_PRESENCE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.contact import constrain, is_touched
 from gasp_taichi_mpm.runtime import taichi as ti

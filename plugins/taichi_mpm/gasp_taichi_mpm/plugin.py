@@ -4,19 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Driven,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     Field,
+    Fluid,
+    Foam,
+    HalfSpace,
+    Impulse,
+    Metal,
+    NeoHookean,
+    Pinned,
+    Plasticine,
     Precision,
     Quantity,
+    Sand,
+    Snow,
+    SphereShape,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic, Fluid, Foam, Metal, NeoHookean, Plasticine, Sand, Snow
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
-from gasp_core.engine.threads import ThreadOptions
+from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.stepping.threads import ThreadOptions
 
 __all__ = ["gasp_point_engines"]
 

@@ -18,8 +18,8 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-from gasp_core.engine.threads import processors
 from gasp_core.errors import EngineEnvironmentError, SceneError
+from gasp_core.stepping.threads import processors
 
 __all__ = ["acquire", "current", "release", "require", "taichi"]
 

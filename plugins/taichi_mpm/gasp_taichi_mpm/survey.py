@@ -58,7 +58,7 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                 else:
                     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                     J = F.determinant()
-                    # `gasp_core.engine.stability.stiffening`, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
+                    # `time_step.stiffening` of the core, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
                     scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-200)))
                     angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
                     longest = 2.0 * scale * ti.cos(angle)

@@ -1,7 +1,7 @@
 """Massless points: they read a copy of the grid in which every node counts by the matter it stands for.
 
-That copy, the carrier, holds h v and h at each node (`gasp_core.engine.mpm.presence`); it is written with the grid, and
-only where there are tracers.
+That copy, the carrier, holds h v and h at each node (`gasp_core.stepping.mpm.presence`); it is written with the grid,
+and only where there are tracers.
 """
 
 from gasp_taichi_mpm import words

@@ -2,7 +2,7 @@
 
 Everything is in the engine's own units (`scaling.Units`): cells, point masses, the stiffest material's stable step.
 With them a point's stress gives a node -dt m tau' a / 4, tau' = 4 T^2 / (rho dx^2) tau and a the kernel of
-`gasp_core.engine.mpm`: no volume is needed, and float32 neither overflows nor underflows whatever the scene's size.
+`gasp_core.stepping.mpm`: no volume is needed, and float32 neither overflows nor underflows whatever the scene's size.
 Moving least squares MPM after Hu et al. 2018 (10.1145/3197517.3201293); the part 4 (1 - s) w r of the kernel folds
 into the affine velocity, what is left is s times the splines' gradient.
 
@@ -17,7 +17,7 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
-from gasp_core.engine.mpm import GRADIENT_SHARE
+from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 

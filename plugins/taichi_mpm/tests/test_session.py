@@ -14,7 +14,7 @@ from gasp_taichi_mpm import runtime
 from gasp_taichi_mpm.cloud import Cloud
 from gasp_taichi_mpm.engine import TaichiMpm
 
-from gasp_core.engine.contract import EngineAccuracy, Field
+from gasp_core.contract import EngineAccuracy, Field
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
@@ -60,8 +60,8 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
 _INTERRUPTED = """
 import sys
 import numpy as np
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import EngineAccuracy, Field, PointCloud, PointProblem
+from gasp_core.contract import Elastic
 from gasp_core.errors import EngineEnvironmentError
 from gasp_taichi_mpm import runtime
 from gasp_taichi_mpm.engine import TaichiMpm

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.harmonics import basis, material_directions
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import Footage, RecordedFootage
-from gasp_core.splats import Splats
 from gasp_viewer.moment import Moment
 
 __all__ = [
@@ -152,7 +152,7 @@ def colourings_of(footage: Footage) -> tuple[str, ...]:
     return COLOURINGS if isinstance(footage, RecordedFootage) else ("trained",)
 
 
-def trained_colours(splats: Splats, eye: Array) -> Array:
+def trained_colours(splats: RenderInput, eye: Array) -> Array:
     """Colours (N, 3) in 0..1 of Gaussians seen from a point (3,) [m]: max(0, 0.5 + harmonics(R^T d)), at most 1."""
     degree = splats.sh_degree
     if degree == 0:

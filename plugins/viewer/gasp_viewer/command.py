@@ -11,7 +11,7 @@ from typing import cast
 import click
 
 from gasp_core.errors import RenderingError
-from gasp_core.scene.model import UP_AXES, UpAxis
+from gasp_core.scene.objects import UP_AXES, UpAxis
 from gasp_viewer.colouring import COLOURINGS
 from gasp_viewer.layers import LAYERS
 

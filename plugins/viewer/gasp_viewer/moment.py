@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gasp_core.errors import GaspError, RenderingError
 from gasp_core.games import choose_vertices, to_simplices
 from gasp_core.gaussians import Gaussians
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import Footage, RecordedFootage
-from gasp_core.splats import Splats
 
 __all__ = ["Moment", "finite_difference", "first_readable"]
 
@@ -33,7 +33,7 @@ class Moment:
         self.frame = frame
 
     @cached_property
-    def splats(self) -> Splats:
+    def splats(self) -> RenderInput:
         """What is drawn, N Gaussians."""
         return self._footage.splats(self.frame)
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import rotation_matrices
-from gasp_core.splats import Splats
-from gasp_viewer.stage import Stage
+from gasp_core.render_input import RenderInput
+from gasp_viewer.display_units import Stage
 
 __all__ = ["FINENESS", "HALF_MAX", "HALF_ROUNDING", "HALF_STEP", "PackedSplats", "covariances", "pack_splats"]
 
@@ -52,17 +52,17 @@ class PackedSplats:
         return self.buffer.nbytes
 
 
-def covariances(splats: Splats) -> Array:
+def covariances(splats: RenderInput) -> Array:
     """Covariances (N, 6), xx xy xz yy yz zz, float64, of splats of either description."""
     if splats.covariances is not None:
         return splats.covariances.astype(np.float64)
-    assert splats.quaternions is not None and splats.scales is not None  # Splats refuses to have neither
+    assert splats.quaternions is not None and splats.scales is not None  # RenderInput refuses to have neither
     axes = rotation_matrices(splats.quaternions) * splats.scales.astype(np.float64)[:, None, :]
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     return np.stack([np.einsum("nk,nk->n", axes[:, i], axes[:, j]) for i, j in pairs], axis=1)
 
 
-def pack_splats(splats: Splats, colours: Array, stage: Stage) -> PackedSplats:
+def pack_splats(splats: RenderInput, colours: Array, stage: Stage) -> PackedSplats:
     """Pack Gaussians.
 
     A covariance rounded entry by entry may have a negative eigenvalue, and the page throws such a Gaussian away. The

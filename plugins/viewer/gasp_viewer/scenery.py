@@ -10,11 +10,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gasp_core.engine.forcing import Collider, Side
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
 from gasp_core.gaussians import rotation_quaternions
 from gasp_viewer.colouring import round_up
-from gasp_viewer.stage import SIZE, Stage
+from gasp_viewer.display_units import SIZE, Stage
 
 __all__ = ["add_scenery", "box_edges", "grid_cell", "plane_pose"]
 

@@ -11,21 +11,21 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import HalfSpace
 from gasp_core.errors import RecordingError
 from gasp_core.rendering.footage import Footage, RecordedFootage
 from gasp_core.rendering.framing import Motion
 from gasp_viewer.colouring import colourings_of
 from gasp_viewer.display import Display
+from gasp_viewer.display_units import Stage, shown_motion, three_quarter
 from gasp_viewer.layers import LAYERS
 from gasp_viewer.moment import first_readable
-from gasp_viewer.news import FileNews, News, RunNews, Source, figure
 from gasp_viewer.packer import Failure, Packer, Picture, Want
 from gasp_viewer.painter import Eye, Painter, Subject
 from gasp_viewer.panel import Panel, body_legend, scale_legend
 from gasp_viewer.playback import Film, Playhead, advanced, pressed, sought
+from gasp_viewer.run_updates import FileNews, News, RunNews, Source, figure
 from gasp_viewer.scenery import add_scenery, grid_cell
-from gasp_viewer.stage import Stage, shown_motion, three_quarter
 
 __all__ = ["POLL", "Exhibit", "Session", "wait_for_frame"]
 

@@ -21,8 +21,7 @@ from gasp_core import (
     SplatObject,
     simulate,
 )
-from gasp_core.engine.forcing import Side
-from gasp_core.engine.shapes import BoxShape, SphereShape
+from gasp_core.contract import BoxShape, Side, SphereShape
 from gasp_core.rendering.footage import open_footage
 from gasp_core.toy import make_toy
 

@@ -14,19 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    BoxShape,
+    ContactCondition,
     Determinism,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     Field,
+    HalfSpace,
     PointState,
     Precision,
+    SphereShape,
     Status,
     StepReport,
 )
-from gasp_core.engine.forcing import ContactCondition
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
 
 TURN = 8.0
 """Angular velocity about +z [rad/s]."""

@@ -18,8 +18,8 @@ from gasp_viewer.colouring import (
 
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import turn_coefficients
+from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import open_footage
-from gasp_core.splats import Splats
 
 
 def lightness(colours):
@@ -66,7 +66,7 @@ def test_one_lost_point_does_not_set_the_range():
 def test_trained_colours_are_the_basis_times_the_coefficients(cloud):
     gaussians = cloud(20, degree=1)
     eye = np.array([0.3, -4.0, 1.0])
-    found = trained_colours(Splats.of(gaussians), eye)
+    found = trained_colours(RenderInput.of(gaussians), eye)
     directions = gaussians.means - eye
     x, y, z = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T
     h = gaussians.harmonics.astype(np.float64)
@@ -79,8 +79,8 @@ def test_trained_colours_are_the_basis_times_the_coefficients(cloud):
 def test_turned_matter_shows_its_turned_colours(cloud):
     gaussians = cloud(50, degree=3)
     turns = rotation_matrices(np.random.default_rng(4).normal(size=(50, 4)))
-    splats = Splats.of(gaussians)
-    turned = Splats(
+    splats = RenderInput.of(gaussians)
+    turned = RenderInput(
         means=splats.means,
         opacities=splats.opacities,
         harmonics=splats.harmonics,
@@ -88,21 +88,21 @@ def test_turned_matter_shows_its_turned_colours(cloud):
         scales=splats.scales,
         turns=turns,
     )
-    exported = Splats.of(gaussians.with_(harmonics=turn_coefficients(gaussians.harmonics, turns)))
+    exported = RenderInput.of(gaussians.with_(harmonics=turn_coefficients(gaussians.harmonics, turns)))
     eye = np.array([2.0, -3.0, 1.0])
     # The exported coefficients are float32 and sixteen of them, of size 1, add up.
     np.testing.assert_allclose(trained_colours(turned, eye), trained_colours(exported, eye), atol=16 * 2.0**-23)
 
 
 def test_constant_colour_does_not_depend_on_the_eye(cloud):
-    splats = Splats.of(cloud(10))
+    splats = RenderInput.of(cloud(10))
     a, b = (trained_colours(splats, np.array(eye)) for eye in ([5.0, 0, 0], [0, -9.0, 2.0]))
     np.testing.assert_array_equal(a, b)
     np.testing.assert_allclose(a, np.clip(0.5 + 0.28209479177387814 * splats.harmonics[:, 0], 0, 1), atol=1e-7)
 
 
 def test_an_eye_on_a_mean_is_no_reason_for_a_nan(cloud):
-    splats = Splats.of(cloud(5, degree=2))
+    splats = RenderInput.of(cloud(5, degree=2))
     assert np.isfinite(trained_colours(splats, splats.means[2])).all()
 
 

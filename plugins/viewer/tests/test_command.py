@@ -6,7 +6,7 @@ import webbrowser
 import pytest
 
 from gasp_core.cli.main import main
-from gasp_core.engine.registry import discover
+from gasp_core.discovery.registry import discover
 from gasp_core.io import write_splat
 
 

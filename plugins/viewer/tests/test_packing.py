@@ -2,11 +2,11 @@ import struct
 
 import numpy as np
 import pytest
+from gasp_viewer.display_units import SIZE, Stage
 from gasp_viewer.packing import FINENESS, HALF_MAX, HALF_ROUNDING, HALF_STEP, covariances, pack_splats
 from gasp_viewer.server import free_port, serving
-from gasp_viewer.stage import SIZE, Stage
 
-from gasp_core.splats import Splats
+from gasp_core.render_input import RenderInput
 
 STAGE = Stage(origin=np.array([1.0, -2.0, 3.0]), unit=2.0)
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -34,7 +34,7 @@ def matrices(six):
 
 def test_centres_are_the_means_on_the_stage_to_a_float32(cloud):
     gaussians = cloud(500)
-    centres, _, _ = unpacked(pack_splats(Splats.of(gaussians), np.ones((500, 3)), STAGE).buffer)
+    centres, _, _ = unpacked(pack_splats(RenderInput.of(gaussians), np.ones((500, 3)), STAGE).buffer)
     expected = FINENESS * 2.0 * (gaussians.means - [1.0, -2.0, 3.0])
     # One rounding to float32, 2^-24 of the number, and a few of float64 before it.
     assert (np.abs(centres - expected) <= 2.0**-23.99 * np.abs(expected)).all()
@@ -44,10 +44,11 @@ def test_centres_are_the_means_on_the_stage_to_a_float32(cloud):
 def test_covariances_are_those_of_the_gaussians_to_a_float16(cloud, shape):
     gaussians = cloud(500)
     truth = gaussians.covariances()
-    splats = Splats.of(gaussians)
+    splats = RenderInput.of(gaussians)
     if shape == "covariances":
         six = np.stack([truth[:, i, j] for i, j in UPPER], axis=1)
-        splats = Splats(means=splats.means, opacities=splats.opacities, harmonics=splats.harmonics, covariances=six)
+        opacities, harmonics = splats.opacities, splats.harmonics
+        splats = RenderInput(means=splats.means, opacities=opacities, harmonics=harmonics, covariances=six)
     _, found, _ = unpacked(pack_splats(splats, np.ones((500, 3)), STAGE).buffer)
     expected = np.stack([truth[:, i, j] for i, j in UPPER], axis=1) * (FINENESS * 2.0) ** 2
     floored = expected + floor_of(expected)[:, None] * [1, 0, 0, 1, 0, 1]
@@ -61,7 +62,7 @@ def test_no_covariance_is_negative_after_rounding():
     rng = np.random.default_rng(3)
     count = 20_000
     scales = SIZE / STAGE.unit * 10 ** rng.uniform(-6, 0, (count, 1)) * 10 ** rng.uniform(-6, 0, (count, 3))
-    splats = Splats(
+    splats = RenderInput(
         means=np.zeros((count, 3)),
         opacities=np.ones(count),
         harmonics=np.zeros((count, 1, 3)),
@@ -79,7 +80,7 @@ def test_no_covariance_is_negative_after_rounding():
 
 def test_what_is_too_large_for_float16_keeps_its_shape():
     scales = np.array([[1e3, 5e2, 2.5e2]])
-    splats = Splats(
+    splats = RenderInput(
         means=np.zeros((1, 3)),
         opacities=np.ones(1),
         harmonics=np.zeros((1, 1, 3)),
@@ -97,7 +98,7 @@ def test_what_is_too_large_for_float16_keeps_its_shape():
 def test_thin_gaussians_do_not_vanish():
     # 2e-4 of a unit of the stage is where float16 would begin to lose them unscaled: 4e-8 is under its smallest step.
     deviation = 2e-4 / STAGE.unit
-    splats = Splats(
+    splats = RenderInput(
         means=np.zeros((1, 3)),
         opacities=np.ones(1),
         harmonics=np.zeros((1, 1, 3)),
@@ -114,7 +115,7 @@ def test_thin_gaussians_do_not_vanish():
 def test_colours_and_opacities_are_bytes_cut_off_at_the_ends(cloud):
     gaussians = cloud(3).with_(opacities=np.array([0.0, 0.5, 1.0]))
     colours = np.array([[-1.0, 0.0, 0.2], [0.4, 0.6, 0.8], [1.0, 1.5, 0.1]])
-    _, _, rgba = unpacked(pack_splats(Splats.of(gaussians), colours, STAGE).buffer)
+    _, _, rgba = unpacked(pack_splats(RenderInput.of(gaussians), colours, STAGE).buffer)
     expected = [[0, 0, 51, 0], [102, 153, 204, 128], [255, 255, 26, 255]]
     np.testing.assert_array_equal(rgba, expected)
 
@@ -122,7 +123,7 @@ def test_colours_and_opacities_are_bytes_cut_off_at_the_ends(cloud):
 def test_viser_reads_the_buffer_as_we_do(cloud):
     gaussians = cloud(50)
     rng = np.random.default_rng(0)
-    buffer = pack_splats(Splats.of(gaussians), rng.uniform(size=(50, 3)), STAGE).buffer
+    buffer = pack_splats(RenderInput.of(gaussians), rng.uniform(size=(50, 3)), STAGE).buffer
     centres, six, rgba = unpacked(buffer)
     with serving("127.0.0.1", free_port("127.0.0.1", 0), "packing") as server:
         handle = server.scene.add_gaussian_splats(
@@ -136,7 +137,7 @@ def test_viser_reads_the_buffer_as_we_do(cloud):
 
 
 def test_nothing_packs_to_nothing():
-    empty = Splats(
+    empty = RenderInput(
         means=np.zeros((0, 3)), opacities=np.zeros(0), harmonics=np.zeros((0, 1, 3)), covariances=np.zeros((0, 6))
     )
     assert pack_splats(empty, np.zeros((0, 3)), STAGE).buffer.shape == (0, 8)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_core.engine.mpm import FULL_PRESENCE
+from gasp_core.stepping.mpm import FULL_PRESENCE
 from gasp_warp_mpm.contact import constrain
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of

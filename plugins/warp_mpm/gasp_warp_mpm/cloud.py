@@ -17,8 +17,8 @@ from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
 from numpy.typing import NDArray
 
-from gasp_core.engine.contract import PointProblem
-from gasp_core.engine.mpm import averaged_lame
+from gasp_core.contract import PointProblem
+from gasp_core.stepping.mpm import averaged_lame
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.blocks import BLOCK_NODES

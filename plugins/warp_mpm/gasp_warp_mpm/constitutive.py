@@ -218,7 +218,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
     ):
         """Hencky elasticity with von Mises yield (Simo 1992), or overstress that flows off in time (Yue et al. 2015).
 
-        `gasp_core.engine.materials`: metal, plasticine and foam.
+        `gasp_core.contract.materials`: metal, plasticine and foam.
         """
         B, V, U, S, volume, crushed = upright(F)
         e = vec3()

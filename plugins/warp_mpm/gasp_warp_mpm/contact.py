@@ -44,7 +44,7 @@ def _distance(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
 
 @wp.func
 def _normal(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
-    """Outward unit normal of the shape at `row`, as `gasp_core.engine.shapes` defines it."""
+    """Outward unit normal of the shape at `row`, as `gasp_core.contract.shapes` defines it."""
     kind = int(table[row])
     offset = node - _triple(table, row + 1)
     b = _triple(table, row + 4)

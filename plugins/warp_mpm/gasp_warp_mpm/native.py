@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_core.engine.mpm import GRADIENT_SHARE
+from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, Acting, tables_of
 
 __all__ = ["GROUP", "make_native"]

@@ -44,7 +44,7 @@ def make_survey(double: bool, module: Any) -> Any:
 
     @wp.func
     def stiffening(kind: int, F: wp.mat33d, J: wp.float64, history: wp.float64, hardening: wp.float64):
-        """`gasp_core.engine.stability.stiffening` and its like, in its words.
+        """`gasp_core.stepping.time_step.stiffening` and its like, in its words.
 
         The stretch is bounded by the largest root of s^3 - |F|^2 s + 2 |J|.
         """

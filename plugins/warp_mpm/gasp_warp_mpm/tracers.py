@@ -1,7 +1,7 @@
 # ruff: noqa: RUF046, UP018 - Warp tells a variable int(0) from a constant 0.
 """Massless points: they read a copy of the grid in which every node counts by the matter it stands for.
 
-That copy, `carrier`, holds h v and h at each node (`gasp_core.engine.mpm.presence`); it is written with the grid, and
+That copy, `carrier`, holds h v and h at each node (`gasp_core.stepping.mpm.presence`); it is written with the grid, and
 only where there are tracers.
 """
 

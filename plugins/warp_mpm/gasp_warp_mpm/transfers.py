@@ -1,7 +1,7 @@
 """Between points and nodes: mass, momentum and dilation one way, velocity and its gradients the other.
 
 With cells for lengths and point masses for masses a point's stress gives a node -dt m tau' a / 4, tau' = 4 T^2 /
-(rho dx^2) tau and a the kernel of `gasp_core.engine.mpm`: no volume is needed. Its part 4 (1 - s) w r folds into the
+(rho dx^2) tau and a the kernel of `gasp_core.stepping.mpm`: no volume is needed. Its part 4 (1 - s) w r folds into the
 affine velocity, what is left is s times the splines' gradient. Quadratic B-splines and affine transfers after Hu et
 al. 2018 (10.1145/3197517.3201293).
 """
@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_core.engine.mpm import GRADIENT_SHARE
+from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.native import make_native
 from gasp_warp_mpm.pool import make_pool

@@ -18,9 +18,7 @@ from gasp_warp_mpm.engine import WarpMpm
 from gasp_warp_mpm.kernels import make_kernels
 from gasp_warp_mpm.pool import LANES, make_pool
 
-from gasp_core.engine.contract import EngineAccuracy, Field, Status
-from gasp_core.engine.forcing import Driven
-from gasp_core.engine.shapes import SphereShape
+from gasp_core.contract import Driven, EngineAccuracy, Field, SphereShape, Status
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 

@@ -9,9 +9,7 @@ from gasp_mpm_host.session import MpmSession
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 
-from gasp_core.engine.contract import EngineAccuracy, Status
-from gasp_core.engine.forcing import Collider
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import Collider, EngineAccuracy, HalfSpace, Status
 
 SIDE = 0.4
 STEP = 2e-4
@@ -141,7 +139,7 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
 
 @pytest.mark.parametrize("kinds", [("elastic",), ("neo-hookean", "elastic")], ids="+".join)
 def test_groups_that_are_not_full_change_with_neither_threads_nor_a_restart(kit, monkeypatch, kinds):
-    monkeypatch.setattr("gasp_core.engine.threads.processors", lambda: 4)
+    monkeypatch.setattr("gasp_core.stepping.threads.processors", lambda: 4)
     positions = kit.block(SIDE, 9, corner=(0, 0, 0.03))
     assert len(positions) % 8 != 0
     problem = kit.problem(

@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
-from gasp_core.engine.hookspecs import Command, hookimpl
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Determinism, Elastic, EngineCapabilities, EngineDescriptor, Field, Precision
+from gasp_core.discovery.hookspecs import Command, hookimpl
 
 CAPABILITIES = EngineCapabilities(
     materials=frozenset({Elastic}),

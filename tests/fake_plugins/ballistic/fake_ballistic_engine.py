@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from gasp_core.engine.contract import PointState, Status, StepReport
+from gasp_core.contract import PointState, Status, StepReport
 
 STDOUT_AT_IMPORT = sys.stdout
 

@@ -5,18 +5,26 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from gasp_core.engine.contract import (
+from gasp_core.contract import (
+    MATERIALS,
+    BoxShape,
+    ContactCondition,
     Determinism,
+    DomainPolicy,
+    Driven,
+    Elastic,
     EngineCapabilities,
     EngineDescriptor,
     EngineEnvironment,
     Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
     Precision,
+    SphereShape,
+    Wind,
 )
-from gasp_core.engine.forcing import ContactCondition, DomainPolicy, Driven, Impulse, Pinned, Wind
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import MATERIALS, Elastic
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.discovery.hookspecs import hookimpl
 
 
 class Mood(Enum):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gasp_core.engine.contract import Field, PointState, Status, StepReport
+from gasp_core.contract import Field, PointState, Status, StepReport
 from gasp_core.errors import EngineDivergedError, SceneError, UnsupportedSceneError
 
 STEP = 1e-3

@@ -1,8 +1,7 @@
 """An engine whose backend is not installed"""
 
-from gasp_core.engine.contract import Determinism, EngineCapabilities, EngineDescriptor, Field, Precision
-from gasp_core.engine.hookspecs import hookimpl
-from gasp_core.engine.materials import Elastic
+from gasp_core.contract import Determinism, Elastic, EngineCapabilities, EngineDescriptor, Field, Precision
+from gasp_core.discovery.hookspecs import hookimpl
 
 CAPABILITIES = EngineCapabilities(
     materials=frozenset({Elastic}),

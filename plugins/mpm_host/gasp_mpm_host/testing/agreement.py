@@ -8,11 +8,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gasp_core.engine.contract import EngineAccuracy, PointEngine, PointProblem, PointState, Precision, Status
-from gasp_core.engine.forcing import Collider, ContactCondition, Driven, Impulse, Pinned, Side, Wind
-from gasp_core.engine.opening import open_engine
-from gasp_core.engine.registry import discover
-from gasp_core.engine.shapes import BoxShape, HalfSpace, SphereShape
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Driven,
+    EngineAccuracy,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointEngine,
+    PointProblem,
+    PointState,
+    Precision,
+    Side,
+    SphereShape,
+    Status,
+    Wind,
+)
+from gasp_core.discovery.registry import discover
+from gasp_core.engines.opening import open_engine
 from gasp_core.errors import UnknownEngineError
 from gasp_mpm_host.testing.kit import Kit
 

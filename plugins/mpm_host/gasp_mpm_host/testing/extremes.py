@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.engine.contract import PointState, Status, StepReport
-from gasp_core.engine.forcing import Collider
-from gasp_core.engine.materials import Elastic, Material
-from gasp_core.engine.shapes import HalfSpace
+from gasp_core.contract import Collider, Elastic, HalfSpace, Material, PointState, Status, StepReport
 from gasp_mpm_host.testing.kit import FLOOR, Kit
 
 __all__ = ["ExtremesTests"]

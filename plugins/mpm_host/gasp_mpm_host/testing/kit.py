@@ -13,21 +13,26 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.engine.contract import EngineAccuracy, Field, PointCloud, PointProblem, PointState, Precision
-from gasp_core.engine.forcing import Collider
-from gasp_core.engine.materials import (
+from gasp_core.contract import (
+    Collider,
     Elastic,
+    EngineAccuracy,
+    Field,
     Fluid,
     Foam,
+    HalfSpace,
     Material,
     Metal,
     NeoHookean,
     Plasticine,
+    PointCloud,
+    PointProblem,
+    PointState,
+    Precision,
     Sand,
     Snow,
 )
-from gasp_core.engine.shapes import HalfSpace
-from gasp_core.engine.threads import ThreadOptions
+from gasp_core.stepping.threads import ThreadOptions
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.rows import Rows
 from gasp_mpm_host.session import MpmSession
@@ -65,7 +70,7 @@ class Kit:
     Parameters
     ----------
     engine_open
-        `open` of the engine (`gasp_core.engine.contract.PointEngine`), with `ThreadOptions`.
+        `open` of the engine (`gasp_core.contract.PointEngine`), with `ThreadOptions`.
     rows
         Of a session: its points as rows.
     nodes

@@ -7,13 +7,22 @@ import copy
 import numpy as np
 import pytest
 
-from gasp_core.engine import threads as core_threads
-from gasp_core.engine.contract import Field, Status
-from gasp_core.engine.forcing import Collider, Domain, DomainPolicy, Impulse, Pinned, Side
-from gasp_core.engine.materials import Elastic
-from gasp_core.engine.shapes import BoxShape, HalfSpace
-from gasp_core.engine.threads import ThreadOptions
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    Domain,
+    DomainPolicy,
+    Elastic,
+    Field,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    Side,
+    Status,
+)
 from gasp_core.errors import SceneError
+from gasp_core.stepping import threads as core_threads
+from gasp_core.stepping.threads import ThreadOptions
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.testing.kit import falling, nothing_acts, same
 

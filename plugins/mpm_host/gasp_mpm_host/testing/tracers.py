@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gasp_core.engine.contract import Field, PointProblem, Status
-from gasp_core.engine.forcing import Domain, DomainPolicy
+from gasp_core.contract import Domain, DomainPolicy, Field, PointProblem, Status
 from gasp_core.errors import SceneError
 from gasp_mpm_host.testing.kit import falling, same
 
@@ -88,7 +87,7 @@ class TracerTests:
             kit.open(traced(falling(kit), 100), precision=precision, spacing=0.05, restart=kept)
 
     def test_any_number_of_threads_gives_the_same_bits(self, kit, monkeypatch):
-        monkeypatch.setattr("gasp_core.engine.threads.processors", lambda: 4)
+        monkeypatch.setattr("gasp_core.stepping.threads.processors", lambda: 4)
         problem, found = traced(falling(kit), 3000), []
         for threads in (1, 2, 4):
             with kit.open(problem, spacing=0.05, threads=threads) as session:

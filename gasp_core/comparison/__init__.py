@@ -1,8 +1,0 @@
-"""The same scene through several engines: what each took, how far apart they end, and a page that shows it."""
-
-from __future__ import annotations
-
-from gasp_core.comparison.comparing import compare
-from gasp_core.comparison.measures import Comparison, Likeness, Pair, Row
-
-__all__ = ["Comparison", "Likeness", "Pair", "Row", "compare"]

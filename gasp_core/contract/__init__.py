@@ -1,0 +1,91 @@
+"""What an engine's author sees: plain data in, positions out, nothing shared.
+
+SI units, right-handed axes, +z up. Arrays are owned by whoever receives them and read-only, rows stay in the order in
+which they were given. A plugin registers `EngineDescriptor`s (see `gasp_core.discovery.hookspecs`); the core opens the
+`PointEngine` behind one when a scene needs it, and never before.
+
+These names are the public interface. Nothing here imports more than NumPy.
+"""
+
+from __future__ import annotations
+
+from gasp_core.contract.accuracy import EngineAccuracy
+from gasp_core.contract.descriptor import CONTRACT_VERSION, EngineCapabilities, EngineDescriptor, EngineEnvironment
+from gasp_core.contract.fields import Determinism, Field, Precision, Quantity
+from gasp_core.contract.forcing import (
+    Collider,
+    ContactCondition,
+    Domain,
+    DomainPolicy,
+    Drive,
+    Driven,
+    ForceField,
+    Impulse,
+    Pinned,
+    Side,
+    Wind,
+)
+from gasp_core.contract.materials import (
+    MATERIALS,
+    Elastic,
+    Fluid,
+    Foam,
+    Material,
+    Metal,
+    NeoHookean,
+    Plasticine,
+    Rigid,
+    Sand,
+    Snow,
+)
+from gasp_core.contract.points import PointCloud, PointProblem, PointState
+from gasp_core.contract.protocols import EngineSession, PointEngine
+from gasp_core.contract.report import Status, StepReport
+from gasp_core.contract.shapes import SHAPES, BoxShape, HalfSpace, Shape, SphereShape, Vector
+
+__all__ = [
+    "BoxShape",
+    "CONTRACT_VERSION",
+    "Collider",
+    "ContactCondition",
+    "Determinism",
+    "Domain",
+    "DomainPolicy",
+    "Drive",
+    "Driven",
+    "Elastic",
+    "EngineAccuracy",
+    "EngineCapabilities",
+    "EngineDescriptor",
+    "EngineEnvironment",
+    "EngineSession",
+    "Field",
+    "Fluid",
+    "Foam",
+    "ForceField",
+    "HalfSpace",
+    "Impulse",
+    "MATERIALS",
+    "Material",
+    "Metal",
+    "NeoHookean",
+    "Pinned",
+    "Plasticine",
+    "PointCloud",
+    "PointEngine",
+    "PointProblem",
+    "PointState",
+    "Precision",
+    "Quantity",
+    "Rigid",
+    "SHAPES",
+    "Sand",
+    "Shape",
+    "Side",
+    "Snow",
+    "SphereShape",
+    "Status",
+    "StepReport",
+    "Vector",
+    "Wind",
+]

@@ -1,0 +1,165 @@
+"""The one comparison of a scene with what an engine declares; what is not declared is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
+from gasp_core.contract.fields import Field, Precision
+from gasp_core.contract.points import PointProblem
+from gasp_core.errors import UnsupportedSceneError
+
+__all__ = ["Need", "check_supported", "needs", "unmet"]
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """One thing a scene asks of an engine.
+
+    Parameters
+    ----------
+    refusal
+        What to say behind the name of an engine that cannot do it, e.g. 'does not model sand (object "bucket")'.
+    capability
+        The field of `EngineCapabilities` that would declare it.
+    item
+        What that field has to contain; without meaning where the field is yes or no.
+    """
+
+    refusal: str
+    capability: str
+    item: object = None
+
+    def met_by(self, capabilities: EngineCapabilities) -> bool:
+        """Whether an engine with these capabilities can do it."""
+        declared: Any = getattr(capabilities, self.capability)
+        return declared if isinstance(declared, bool) else self.item in declared
+
+
+def needs(
+    problem: PointProblem,
+    *,
+    device: str | None = None,
+    precision: Precision | None = None,
+    fields: frozenset[Field] = frozenset(),
+    checkpoints: bool = False,
+    body_names: Sequence[str] = (),
+) -> list[Need]:
+    """Everything a scene asks of an engine, most telling first; the parameters are those of `check_supported`."""
+    asked = [
+        Need(f"does not model {material.kind}{users}", "materials", type(material))
+        for material, users in zip(problem.materials, _material_users(problem, body_names))
+        if users is not None
+    ]
+    for number, collider in enumerate(problem.colliders, start=1):
+        shape, contact = collider.shape, collider.contact
+        asked += [
+            Need(f"knows no {shape.kind} as a collider (collider {number})", "collider_shapes", type(shape)),
+            Need(f'knows no contact "{contact.value}" (collider {number})', "contact_conditions", contact),
+        ]
+    for number, drive in enumerate(problem.drives, start=1):
+        asked.append(Need(f'knows no drive "{drive.kind}" (drive {number})', "drives", type(drive)))
+    for number, force in enumerate(problem.force_fields, start=1):
+        asked.append(Need(f'knows no force field "{force.kind}" (force field {number})', "force_fields", type(force)))
+    if problem.domain is not None:
+        policy = problem.domain.policy
+        asked.append(Need(f'knows no domain policy "{policy.value}"', "domain_policies", policy))
+    if problem.points.tracer_positions is not None:
+        asked.append(Need("carries no tracers", "carries_tracers"))
+    # Positions are never optional, so an engine need not declare them.
+    for field in sorted(fields - {Field.POSITIONS}, key=lambda field: field.value):
+        asked.append(Need(f"cannot report {field.value}", "output_fields", field))
+    if checkpoints:
+        asked.append(Need("writes no checkpoints, so a run cannot go on from one", "checkpoints"))
+    if device is not None:
+        asked.append(Need(f'does not run on device "{device}"', "devices", device))
+    if precision is not None:
+        asked.append(Need(f"does not compute in {precision.value}", "precisions", precision))
+    return asked
+
+
+def unmet(asked: Iterable[Need], capabilities: EngineCapabilities) -> list[Need]:
+    """Those that an engine with these capabilities cannot meet."""
+    return [need for need in asked if not need.met_by(capabilities)]
+
+
+def check_supported(
+    problem: PointProblem,
+    descriptor: EngineDescriptor,
+    *,
+    device: str | None = None,
+    precision: Precision | None = None,
+    fields: frozenset[Field] = frozenset(),
+    checkpoints: bool = False,
+    body_names: Sequence[str] = (),
+    others: Iterable[EngineDescriptor] = (),
+) -> None:
+    """Refuse a scene that needs what the engine does not declare.
+
+    Parameters
+    ----------
+    problem
+        The scene as the engine would get it.
+    descriptor
+        The engine.
+    device, precision
+        As asked for; None is the engine's own first choice.
+    fields
+        What will be read besides positions.
+    checkpoints
+        Whether the run is to go on from a checkpoint.
+    body_names
+        Names of the bodies 0, 1, 2, ... for the message.
+    others
+        All installed engines: those that could do what this one cannot are named.
+
+    Raises
+    ------
+    UnsupportedSceneError
+        In one line: what this engine cannot do, and which engines can.
+    """
+    asked = needs(
+        problem, device=device, precision=precision, fields=fields, checkpoints=checkpoints, body_names=body_names
+    )
+    missing = unmet(asked, descriptor.capabilities)
+    if not missing:
+        return
+    refusals = dict.fromkeys(need.refusal for need in missing)
+    able = sorted(
+        {other.name for other in others if other.name != descriptor.name and not unmet(missing, other.capabilities)}
+    )
+    engines = f"engines that do: {', '.join(able)}" if able else "no other installed engine does"
+    raise UnsupportedSceneError(f"{descriptor.name} {' and '.join(refusals)}; {engines}{_choices(missing, descriptor)}")
+
+
+def _material_users(problem: PointProblem, body_names: Sequence[str]) -> list[str | None]:
+    """For each material, ' (object "name")' of its first bodies, '' where these have no name, None if unused."""
+    points = problem.points
+    pairs = np.unique(np.stack([points.material_ids, points.body_ids], axis=1), axis=0)
+    users: list[str | None] = []
+    for row in range(len(problem.materials)):
+        bodies = [int(body) for body in pairs[pairs[:, 0] == row, 1]]
+        named = [f'"{body_names[body]}"' for body in bodies if 0 <= body < len(body_names)]
+        if not bodies:
+            users.append(None)
+        elif not named:
+            users.append("")
+        else:
+            more = f" and {len(named) - 3} more" if len(named) > 3 else ""
+            users.append(f" (object {', '.join(named[:3])}{more})")
+    return users
+
+
+def _choices(missing: Sequence[Need], descriptor: EngineDescriptor) -> str:
+    """What the engine itself offers where only device or precision is the trouble."""
+    lacking = {need.capability for need in missing}
+    can = descriptor.capabilities
+    if lacking == {"devices"}:
+        return f"; or choose device {' or '.join(can.devices)}"
+    if lacking == {"precisions"}:
+        return f"; or choose precision {' or '.join(precision.value for precision in can.precisions)}"
+    return ""

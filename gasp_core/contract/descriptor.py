@@ -1,0 +1,110 @@
+"""What a plugin says of its engine before anybody opens it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from gasp_core.contract.fields import Determinism, Field, Precision, Quantity
+from gasp_core.contract.forcing import ContactCondition, DomainPolicy, Drive, ForceField
+from gasp_core.contract.materials import Material
+
+__all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "EngineEnvironment"]
+
+Array = NDArray[Any]
+
+
+CONTRACT_VERSION = (1, 0)
+"""Major, minor. A minor step adds what may be left out; a plugin of another major is refused at discovery."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineCapabilities:
+    """What an engine can do. What is not declared is refused by the core before the engine is opened.
+
+    Parameters
+    ----------
+    determinism
+        How far a second run agrees on the first of `devices`; on any other it is `Determinism.TOLERANCE`.
+    temporal_order
+        Order of convergence under joint refinement of grid and substep for smooth motion.
+    iterates
+        Whether steps are solved by iteration, to `EngineAccuracy.solver_tolerance`: two runs that are one on paper may
+        then part by that much a step, and not by rounding alone.
+    """
+
+    materials: frozenset[type[Material]]
+    collider_shapes: frozenset[type]
+    contact_conditions: frozenset[ContactCondition]
+    drives: frozenset[type[Drive]]
+    force_fields: frozenset[type[ForceField]]
+    output_fields: frozenset[Field]
+    conserved: frozenset[Quantity]
+    devices: tuple[str, ...]
+    """In order of preference; the first is the default."""
+    precisions: tuple[Precision, ...]
+    """In order of preference; the first is the default."""
+    determinism: Determinism
+    domain_policies: frozenset[DomainPolicy] = frozenset({DomainPolicy.EXPAND})
+    temporal_order: float = 1.0
+    iterates: bool = False
+    carries_tracers: bool = False
+    checkpoints: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineEnvironment:
+    """An environment of an engine's own: what to install, and under which Python.
+
+    The plugin's own package and GASP's contract are lent to it and not installed there.
+
+    Parameters
+    ----------
+    python
+        A version, "3.11" for any 3.11, or a range, ">=3.11,<3.14"; 3.11 is the oldest the contract runs under.
+    packages
+        As pip takes them: "bpy==4.5.15", "numpy<2".
+    """
+
+    python: str
+    packages: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineDescriptor:
+    """An engine as its plugin registers it; building one imports no backend.
+
+    Parameters
+    ----------
+    name
+        As users write it, e.g. "taichi-mpm".
+    summary
+        One line for `gasp engines`.
+    contract_version
+        The plugin's own copy of the number it was written against, not `CONTRACT_VERSION` imported.
+    capabilities
+        What it can do.
+    factory
+        "package.module:Callable" that returns a `PointEngine`, imported when the engine is opened.
+    options
+        A dataclass of what only this engine has, with defaults that work; None for nothing.
+    environment
+        What the engine needs where its dependencies cannot live in this environment: it is then run in a process of
+        that one.
+    """
+
+    name: str
+    summary: str
+    contract_version: tuple[int, int]
+    capabilities: EngineCapabilities
+    factory: str
+    options: type[Any] | None = None
+    environment: EngineEnvironment | None = None
+
+    def option_names(self) -> Sequence[str]:
+        """Names of the engine's own options."""
+        return [] if self.options is None else [option.name for option in dataclasses.fields(self.options)]

@@ -1,0 +1,211 @@
+"""What acts on points besides their own stress: colliders, drives, force fields, the domain's edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import ClassVar
+
+from gasp_core.contract.shapes import BoxShape, HalfSpace, Shape, SphereShape, Vector
+from gasp_core.contract.validation import finite, finite_vector
+from gasp_core.errors import SceneError
+
+__all__ = [
+    "Collider",
+    "ContactCondition",
+    "Domain",
+    "DomainPolicy",
+    "Drive",
+    "Driven",
+    "ForceField",
+    "Impulse",
+    "Pinned",
+    "Side",
+    "Wind",
+]
+
+
+class ContactCondition(Enum):
+    """What a collider does to the velocity of matter that touches it."""
+
+    STICK = "stick"
+    """The matter takes the collider's velocity."""
+    SLIP = "slip"
+    """No velocity through the surface, either way; free along it."""
+    SEPARATE = "separate"
+    """No velocity into the surface, free to leave, Coulomb friction along it."""
+
+
+class Side(Enum):
+    """On which side of its surface a collider lets matter be."""
+
+    OUTSIDE = "outside"
+    """An obstacle: matter stays out of the shape."""
+    INSIDE = "inside"
+    """A container: matter stays within the shape."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Collider:
+    """A fixed body that matter cannot enter (or leave, with `Side.INSIDE`).
+
+    Parameters
+    ----------
+    shape
+        `HalfSpace`, `BoxShape` or `SphereShape`.
+    contact
+        What happens on touching.
+    friction
+        Coulomb's coefficient, >= 0; only `ContactCondition.SEPARATE` may have one > 0.
+    side
+        Where matter may be.
+    """
+
+    shape: HalfSpace | BoxShape | SphereShape
+    contact: ContactCondition = ContactCondition.SEPARATE
+    friction: float = 0.0
+    side: Side = Side.OUTSIDE
+
+    def __post_init__(self) -> None:
+        finite(self, "friction", low=0.0)
+        if self.friction > 0 and self.contact is not ContactCondition.SEPARATE:
+            raise SceneError(
+                f'Collider.friction {self.friction:g} has no meaning with contact "{self.contact.value}":'
+                ' use contact "separate", or friction 0'
+            )
+
+
+def _check_window(owner: Drive | ForceField) -> None:
+    finite(owner, "start", low=0.0)
+    if owner.end != math.inf:
+        finite(owner, "end", low=0.0)
+    if not owner.end > owner.start:
+        raise SceneError(f"{type(owner).__name__}.end must be > start ({owner.start!r}), found {owner.end!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """Something that moves the matter in a region of space during [start, end) [s]."""
+
+    kind: ClassVar[str] = ""
+    region: HalfSpace | BoxShape | SphereShape
+    start: float = 0.0
+    end: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_window(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pinned(Drive):
+    """Matter in the region stands still."""
+
+    kind: ClassVar[str] = "pinned"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driven(Drive):
+    """Matter in the region moves as a rigid body, and the region moves with it.
+
+    Parameters
+    ----------
+    velocity
+        Of `center` [m/s].
+    angular_velocity
+        About `center` [rad/s].
+    center
+        Point the rotation is about, at `start` [m].
+    """
+
+    kind: ClassVar[str] = "driven"
+    velocity: Vector = (0.0, 0.0, 0.0)
+    angular_velocity: Vector = (0.0, 0.0, 0.0)
+    center: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        Drive.__post_init__(self)
+        for name in ("velocity", "angular_velocity", "center"):
+            finite_vector(self, name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Impulse(Drive):
+    """A total impulse [N s] at time `start` on the points then in the region, shared in proportion to their mass.
+
+    `end` has no meaning for an impulse and must be left alone.
+    """
+
+    kind: ClassVar[str] = "impulse"
+    impulse: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        Drive.__post_init__(self)
+        finite_vector(self, "impulse")
+        if self.end != math.inf:
+            raise SceneError("Impulse.end has no meaning: an impulse acts at its start alone")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceField:
+    """A force that acts everywhere in a region (None: everywhere) during [start, end) [s]."""
+
+    kind: ClassVar[str] = ""
+    region: HalfSpace | BoxShape | SphereShape | None = None
+    start: float = 0.0
+    end: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_window(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wind(ForceField):
+    """Moving air that drags matter along: dv/dt = drag (velocity - v).
+
+    Parameters
+    ----------
+    velocity
+        Of the air [m/s].
+    drag
+        Rate at which matter takes on the air's velocity [1/s], >= 0.
+    """
+
+    kind: ClassVar[str] = "wind"
+    velocity: Vector = (0.0, 0.0, 0.0)
+    drag: float = 1.0
+
+    def __post_init__(self) -> None:
+        ForceField.__post_init__(self)
+        finite_vector(self, "velocity")
+        finite(self, "drag", low=0.0)
+
+
+class DomainPolicy(Enum):
+    """What becomes of points that reach the domain's edge."""
+
+    EXPAND = "expand"
+    """The domain follows the points; it ends only where memory does."""
+    STOP = "stop"
+    """The run ends with `Status.OUT_OF_DOMAIN`."""
+    CLAMP = "clamp"
+    """The edge is a slip wall, and what it held back is reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Domain:
+    """The box the points live in [m]; with `EXPAND` a first guess only."""
+
+    lower: Vector
+    upper: Vector
+    policy: DomainPolicy = DomainPolicy.EXPAND
+
+    def __post_init__(self) -> None:
+        finite_vector(self, "lower")
+        finite_vector(self, "upper")
+        if any(low >= high for low, high in zip(self.lower, self.upper)):
+            raise SceneError(f"Domain.upper {self.upper!r} must be above Domain.lower {self.lower!r} on every axis")
+
+
+# A shape in a collider, drive or region is one of three classes; the protocol is what code over them relies on.
+_: type[Shape] = HalfSpace

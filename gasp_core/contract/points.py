@@ -1,0 +1,126 @@
+"""The points an engine moves, the problem they are in, and what is read of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract.forcing import Collider, Domain, Drive, ForceField
+from gasp_core.contract.materials import Material
+from gasp_core.contract.validation import finite_vector, frozen_array
+from gasp_core.errors import SceneError
+
+__all__ = ["PointCloud", "PointProblem", "PointState"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointCloud:
+    """The points an engine moves.
+
+    Parameters
+    ----------
+    reference_positions : (N, 3) [m]
+    initial_velocities : (N, 3) [m/s]
+    reference_volumes : (N,) [m^3], > 0
+    material_ids : (N,)
+        Row of `PointProblem.materials`.
+    body_ids : (N,)
+        Which body a point belongs to, 0, 1, 2, ...
+    tracer_positions : (M, 3) [m] or None
+        Massless points carried along, for engines that declare `carries_tracers`.
+
+    Raises
+    ------
+    SceneError
+        Where shapes disagree, a number is not finite (the first rows are named) or a volume is not > 0.
+    """
+
+    reference_positions: Array
+    initial_velocities: Array
+    reference_volumes: Array
+    material_ids: Array
+    body_ids: Array
+    tracer_positions: Array | None = None
+
+    def __post_init__(self) -> None:
+        count = len(frozen_array(self, "reference_positions", (None, 3), np.float64, what="point"))
+        if count == 0:
+            raise SceneError("PointCloud has no points: nothing is left to simulate")
+        frozen_array(self, "initial_velocities", (count, 3), np.float64, what="point")
+        volumes = frozen_array(self, "reference_volumes", (count,), np.float64, what="point")
+        if not (volumes > 0).all():
+            bad = np.flatnonzero(~(volumes > 0))
+            raise SceneError(f"PointCloud.reference_volumes must be > 0, is not in {len(bad)} point(s), first {bad[0]}")
+        frozen_array(self, "material_ids", (count,), np.int32, what="point")
+        frozen_array(self, "body_ids", (count,), np.int32, what="point")
+        if self.tracer_positions is not None:
+            frozen_array(self, "tracer_positions", (None, 3), np.float64, what="tracer")
+
+    def __len__(self) -> int:
+        return int(self.reference_positions.shape[0])
+
+    @property
+    def size(self) -> float:
+        """Longest side of the bounding box of the largest body [m]; 0 where every body is one place."""
+        longest = 0.0
+        for body in np.unique(self.body_ids):
+            own = self.reference_positions[self.body_ids == body]
+            longest = max(longest, float(np.ptp(own, axis=0).max()))
+        return longest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointProblem:
+    """Everything an engine needs to know of a scene."""
+
+    points: PointCloud
+    materials: tuple[Material, ...]
+    colliders: tuple[Collider, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    force_fields: tuple[ForceField, ...] = ()
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    domain: Domain | None = None
+    """None: no edge, as with `DomainPolicy.EXPAND`."""
+    grid_anchor: tuple[float, float, float] | None = None
+    """A place [m] that an engine lays its grid out from, `gasp_core.stepping.grid.grid_node`; None: the middle of the
+    points. Few points that stand for much matter reach less far than it does: laid out from them, the grid would lie
+    elsewhere for each choice of them."""
+
+    def __post_init__(self) -> None:
+        finite_vector(self, "gravity")
+        if self.grid_anchor is not None:
+            finite_vector(self, "grid_anchor")
+        ids = self.points.material_ids
+        if ids.min() < 0 or ids.max() >= len(self.materials):
+            raise SceneError(
+                f"PointCloud.material_ids must be rows of the {len(self.materials)} materials,"
+                f" found {int(ids.min())}..{int(ids.max())}"
+            )
+
+    @property
+    def masses(self) -> Array:
+        """Masses of the points, (N,) [kg]."""
+        densities = np.array([material.density for material in self.materials])
+        return densities[self.points.material_ids] * self.points.reference_volumes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointState:
+    """What a session read out; fields that were not asked for are None."""
+
+    time: float
+    positions: Array
+    velocities: Array | None = None
+    deformation_gradients: Array | None = None
+    tracer_positions: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "velocities", "deformation_gradients", "tracer_positions"):
+            array = getattr(self, name)
+            if array is not None:
+                array.flags.writeable = False

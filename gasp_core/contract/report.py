@@ -1,0 +1,45 @@
+"""What an advance did, and the verdict on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from numpy.typing import NDArray
+
+__all__ = ["Status", "StepReport"]
+
+Array = NDArray[Any]
+
+
+class Status(Enum):
+    """Verdict on an advance. Anything but OK ends the run."""
+
+    OK = "ok"
+    NON_FINITE = "non_finite"
+    ENERGY_GREW = "energy_grew"
+    OUT_OF_DOMAIN = "out_of_domain"
+    NOT_CONVERGED = "not_converged"
+    SUBSTEP_LIMIT = "substep_limit"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepReport:
+    """What an advance did.
+
+    Parameters
+    ----------
+    status
+        Verdict.
+    substep_count, smallest_substep, largest_substep
+        Number and sizes [s] of the steps taken.
+    warnings
+        One sentence each, for the user; also the reason where `status` is not OK.
+    """
+
+    status: Status
+    substep_count: int
+    smallest_substep: float
+    largest_substep: float
+    warnings: tuple[str, ...] = ()

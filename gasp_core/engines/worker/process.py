@@ -1,0 +1,199 @@
+"""A worker as its parent sees it: started, spoken to with a limit, watched for its death, ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from gasp_core.engines.worker.shared_memory import Block
+from gasp_core.engines.worker.transport import PROTOCOL, Inbox, Message, send
+from gasp_core.errors import EngineCrashedError, EngineEnvironmentError
+from gasp_core.processes.exit_report import ending, tail
+
+__all__ = ["WorkerProcess"]
+
+_PATIENCE = 5.0
+"""Seconds a worker may take to end once it is asked to."""
+_GLANCE = 0.25
+"""Seconds between looks at whether it lives. Its channel tells at once, unless a process it forked holds that open."""
+_OWN_FOLDER = str(Path(__file__).parent)
+
+
+class WorkerProcess:
+    """A running worker.
+
+    Parameters
+    ----------
+    name
+        Of the engine, for messages.
+    command
+        What to run; `block.descriptor` is inherited under its own number.
+    surroundings
+        Environment variables for it.
+    block
+        Shared with it; closed with it.
+
+    Raises
+    ------
+    EngineEnvironmentError
+        Where it cannot be started.
+    """
+
+    def __init__(self, name: str, command: Sequence[str], surroundings: Mapping[str, str], block: Block) -> None:
+        self.name = name
+        self.block = block
+        self._busy = False
+        self._over = False
+        self._obituary = ""
+        self._owner = os.getpid()
+        descriptor, path = tempfile.mkstemp(prefix=f"gasp-{name}-", suffix=".log")
+        self.log = Path(path)
+        try:
+            # A session of its own: Ctrl-C on the terminal is for us, who then end it in order.
+            self._process = subprocess.Popen(
+                command,
+                env=surroundings,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=descriptor,
+                pass_fds=(block.descriptor,),
+                start_new_session=True,
+            )
+        except OSError as error:
+            self.log.unlink()
+            reason = error.strerror or error
+            raise EngineEnvironmentError(f'engine "{name}": {command[0]} cannot be run: {reason}') from error
+        finally:
+            os.close(descriptor)
+        self._to = cast(BinaryIO, self._process.stdin)
+        self._from = cast(BinaryIO, self._process.stdout)
+        self._inbox = Inbox(self._from)
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether it waits for the next message, as far as one knows."""
+        return not (self._busy or self._over)
+
+    def greet(self, limit: float) -> None:
+        """Wait for its greeting for at most `limit` [s].
+
+        Raises
+        ------
+        EngineCrashedError
+            Where it dies or hangs before.
+        EngineEnvironmentError
+            Where it speaks another protocol than we do.
+        """
+        self._busy = True
+        spoken = self._answer("starting", limit).get("protocol")
+        if spoken != PROTOCOL:
+            raise EngineEnvironmentError(
+                f'the worker of engine "{self.name}" speaks protocol {spoken!r}, this GASP {PROTOCOL}:'
+                " bring both to one version of gasp-core"
+            )
+        self._busy = False
+
+    def ask(self, message: Message, doing: str, limit: float, remedy: str = "") -> Message:
+        """Send a message and wait for the answer, for at most `limit` [s].
+
+        Parameters
+        ----------
+        message
+            What to do.
+        doing
+            The same for the error: "opening the scene".
+        limit
+            Seconds after which it is given up.
+        remedy
+            What the user can do about that.
+
+        Raises
+        ------
+        EngineCrashedError
+            Where it is or becomes dead, takes longer, or says what is no answer. It is ended then.
+        """
+        if self._over:
+            raise EngineCrashedError(self._obituary)
+        # What interrupts the wait leaves it busy: its answer would be taken for that to the next question.
+        self._busy = True
+        try:
+            send(self._to, message)
+        except OSError:
+            raise self._died(doing) from None
+        answer = self._answer(doing, limit, remedy)
+        self._busy = False
+        return answer
+
+    def crash(self, what: str) -> EngineCrashedError:
+        """The error for a worker that is of no more use, which is ended; its log is kept."""
+        self._kill()
+        # Of a traceback, the frames that are the same every time say nothing.
+        last = tail(self.log, without=[_OWN_FOLDER])
+        said = f", which ends: {last}" if last else " (empty)"
+        self._obituary = f'engine "{self.name}" {what}; log of its worker: {self.log}{said}'
+        return EngineCrashedError(self._obituary)
+
+    def end(self) -> None:
+        """End it, in order where it is not busy, and remove its log; may be called twice, and after a crash."""
+        # A fork of this process has no say in it.
+        if self._over or os.getpid() != self._owner:
+            return
+        if self.is_idle:
+            with contextlib.suppress(OSError):
+                self._to.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_PATIENCE)
+        self._kill()
+        with contextlib.suppress(OSError):
+            self.log.unlink()
+
+    def _answer(self, doing: str, limit: float, remedy: str = "") -> Message:
+        deadline = time.monotonic() + limit
+        while True:
+            left = deadline - time.monotonic()
+            dead = self._process.poll() is not None
+            try:
+                return self._inbox.take(max(0.0, min(_GLANCE, left)))
+            except TimeoutError:
+                if dead:
+                    raise self._died(doing) from None
+                if left <= 0:
+                    hint = f" ({remedy})" if remedy else ""
+                    raise self.crash(f"was given up after {limit:g} s while {doing}{hint}") from None
+            except EOFError:
+                raise self._died(doing) from None
+            except ValueError as error:
+                raise self.crash(f"sent what is no message while {doing} ({error})") from None
+
+    def _died(self, doing: str) -> EngineCrashedError:
+        # Its channel is closed: it has died or is about to.
+        try:
+            status = self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            return self.crash(f"closed its channel while {doing}")
+        return self.crash(f"{ending(status)} while {doing}")
+
+    def _kill(self) -> None:
+        """Kill it and what it started, which is all in one group."""
+        with contextlib.suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._over = True
+        with contextlib.suppress(OSError):
+            self._to.close()
+        # A process that left the group may hold the channel open; to close what the inbox still reads would hang.
+        if self._inbox.join(_PATIENCE):
+            self._from.close()
+        self.block.close()

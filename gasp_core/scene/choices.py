@@ -1,0 +1,158 @@
+"""How a scene is computed, kept and shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from gasp_core.contract import (
+    Precision,
+)
+from gasp_core.contract.validation import Vector, finite, finite_vector
+from gasp_core.errors import SceneError
+
+__all__ = ["CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineChoice:
+    """Which engine runs the scene, and how.
+
+    Parameters
+    ----------
+    name
+        As `gasp engines` lists it.
+    device, precision
+        None: the engine's first.
+    seed
+        For whatever the engine draws at random.
+    options
+        What only this engine has; checked against its own option class when it is opened.
+    isolate
+        Run it in a process of its own, whose death is an error and not the end of this one.
+    frame_limit
+        Wall time [s] after which a frame is given up; None: an hour. Only an engine in a process of its own can be.
+    """
+
+    name: str = "warp-mpm"
+    device: str | None = None
+    precision: Precision | None = None
+    seed: int = 0
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    isolate: bool = False
+    frame_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.name == "auto":
+            raise SceneError('EngineChoice.name "auto" comes later: name an engine yourself (see `gasp engines`)')
+        if not self.name:
+            raise SceneError("EngineChoice.name must not be empty")
+        finite(self, "seed", low=0)
+        if self.frame_limit is not None:
+            finite(self, "frame_limit", low=0.0, open_low=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapChoice:
+    """How Gaussians become simplices and back.
+
+    Parameters
+    ----------
+    vertices
+        3: the paper's triangle, 4: a tetrahedron for Gaussians that are not flat; "auto" looks at the splat.
+    covariance
+        "exact" (the covariance of the affinely deformed Gaussian) or "gram_schmidt" (the paper's).
+    alpha
+        Bound of the control rule on how far a Gaussian may stretch, > 0; inf switches it off.
+    edge_floor
+        Shortest edge an engine is given, as a fraction of its spacing; shorter ones are magnified on the way in and
+        divided back. 0: the paper's own points.
+    """
+
+    vertices: Literal[3, 4, "auto"] = "auto"
+    covariance: Literal["exact", "gram_schmidt"] = "exact"
+    alpha: float = 2.0
+    edge_floor: float = 0.25
+
+    def __post_init__(self) -> None:
+        if self.vertices not in (3, 4, "auto"):
+            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if self.covariance not in ("exact", "gram_schmidt"):
+            raise SceneError(f'MapChoice.covariance must be "exact" or "gram_schmidt", found {self.covariance!r}')
+        if self.alpha != math.inf:
+            finite(self, "alpha", low=0.0, open_low=True)
+        finite(self, "edge_floor", low=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingChoice:
+    """What a recording holds besides positions, and how often it can be gone on from.
+
+    Parameters
+    ----------
+    velocities
+        Keep the points' velocities of every frame too (float32).
+    checkpoint_seconds
+        Wall time [s] after which the next frame is followed by a checkpoint.
+    checkpoint_frames
+        A checkpoint after every so many frames as well; None: by time alone.
+    """
+
+    velocities: bool = False
+    checkpoint_seconds: float = 30.0
+    checkpoint_frames: int | None = None
+
+    def __post_init__(self) -> None:
+        finite(self, "checkpoint_seconds", low=0.0)
+        if self.checkpoint_frames is not None:
+            finite(self, "checkpoint_frames", low=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraChoice:
+    """From where a scene is shown; it decides nothing about the simulation.
+
+    Parameters
+    ----------
+    position, target
+        Of the eye, and what it looks at [m]; both or none.
+    field_of_view
+        Vertical, of that camera [degrees].
+    file
+        A cameras.json of 3DGS or a NeRF-style transforms.json instead.
+    view
+        Of that file: number from 0, or name of the picture.
+    object
+        In whose splat's frame the file's cameras are; None: the first object's.
+
+    Raises
+    ------
+    SceneError
+        Where it says both, neither, or something impossible.
+    """
+
+    position: Vector | None = None
+    target: Vector | None = None
+    field_of_view: float = 40.0
+    file: Path | None = None
+    view: int | str = 0
+    object: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.position is None) != (self.target is None):
+            raise SceneError("CameraChoice.position and target belong together: give both")
+        if (self.position is None) == (self.file is None):
+            raise SceneError("CameraChoice.position (and target), or file: give one of them")
+        if isinstance(self.file, str):
+            object.__setattr__(self, "file", Path(self.file))
+        if self.position is not None:
+            finite_vector(self, "position")
+            finite_vector(self, "target")
+            if self.position == self.target:
+                raise SceneError(f"CameraChoice.target must not be the position, found {self.target!r}")
+        finite(self, "field_of_view", low=0.0, open_low=True, high=179.0)
+        if isinstance(self.view, bool) or (isinstance(self.view, int) and self.view < 0):
+            raise SceneError(f"CameraChoice.view must be a number from 0 or a name, found {self.view!r}")

@@ -1,0 +1,230 @@
+"""A splat as an object of a scene: where it is put, what it is made of, which points stand for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from pathlib import Path
+from typing import Any, Literal
+
+from gasp_core.contract import (
+    BoxShape,
+    HalfSpace,
+    Material,
+    SphereShape,
+)
+from gasp_core.contract.validation import Vector, finite, finite_vector
+from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
+from gasp_core.scene.motions import FrameSequence, Motion
+
+__all__ = ["Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis"]
+
+UpAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+
+
+UP_AXES: tuple[UpAxis, ...] = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
+class Floaters(Enum):
+    """What becomes of Gaussians outside the large connected components of an object."""
+
+    DROP = "drop"
+    """They are left out of the recording."""
+    STILL = "still"
+    """They are drawn where they are and never simulated."""
+    KEEP = "keep"
+    """They are simulated like the rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduction:
+    """Which points an engine is given for an object, and what their motion moves.
+
+    Parameters
+    ----------
+    mode
+        "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
+        clusters of the object's own.
+    fraction, count
+        Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
+    levels
+        Cores of cores: the engine moves the last of so many levels. None with "cores": 1.
+    transfer
+        "least-squares": a Gaussian follows an affine fit to the cores around it; "frame": the frame of its own core, as
+        in the paper. None with "cores": "least-squares".
+
+    Raises
+    ------
+    SceneError
+        Where a value is impossible, or has no meaning in this mode.
+    """
+
+    mode: str = "all"
+    fraction: float | None = None
+    count: int | None = None
+    levels: int | None = None
+    transfer: Literal["least-squares", "frame"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode == "volume":
+            raise SceneError('Reduction.mode "volume" comes later: use "all" or "cores"')
+        if self.mode not in ("all", "cores"):
+            raise SceneError(f'Reduction.mode must be "all" or "cores", found {self.mode!r}')
+        if self.mode == "all":
+            for name in ("fraction", "count", "levels", "transfer"):
+                if getattr(self, name) is not None:
+                    raise SceneError(f'Reduction.{name} has no meaning with mode = "all": leave it out')
+            return
+        if (self.fraction is None) == (self.count is None):
+            raise SceneError('Reduction.mode "cores" wants a fraction or a count: give one of them')
+        if self.fraction is not None:
+            finite(self, "fraction", low=0.0, open_low=True, high=1.0)
+        object.__setattr__(self, "levels", 1 if self.levels is None else self.levels)
+        for name in ("count", "levels"):
+            value: object = getattr(self, name)
+            if value is not None and type(value) is not int:
+                raise SceneError(f"Reduction.{name} must be a whole number, found {value!r}")
+        if self.count is not None:
+            finite(self, "count", low=1)
+        finite(self, "levels", low=1, high=8)
+        object.__setattr__(self, "transfer", self.transfer or "least-squares")
+        if self.transfer not in ("least-squares", "frame"):
+            raise SceneError(f'Reduction.transfer must be "least-squares" or "frame", found {self.transfer!r}')
+
+    def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Reduction:
+        """The same with so many cores, levels and transfer as they are; with neither a fraction nor a count: "all"."""
+        if fraction is None and count is None:
+            return Reduction()
+        own = self if self.mode == "cores" else Reduction(mode="cores", count=1)
+        return replace(own, fraction=fraction, count=count)
+
+    def cores_of(self, gaussians: int) -> int:
+        """How many cores so many Gaussians get, at least one."""
+        return self.count if self.count is not None else max(1, round((self.fraction or 1.0) * gaussians))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplatObject:
+    """A splat, where it is put and what it is made of.
+
+    Parameters
+    ----------
+    name
+        Unique in the scene.
+    splat
+        A splat file (or folder, for unpacked .sog, or of frames), or the Gaussians themselves.
+    material
+        What it is made of; None only with `static`.
+    static
+        Drawn where it stands, never simulated.
+    up
+        The splat's axis that becomes +z. None: "-y" for a file, the habit of 3DGS captures, and "+z" for Gaussians
+        built in memory, the frame of everything else here.
+    height
+        Extent along the up axis [m] that the robust bounding box is scaled to.
+    metres_per_unit
+        Length [m] of the splat's unit instead; 1 where neither is given.
+    position
+        Where the lower centre of the robust bounding box goes [m], so that an object stands on what is at its z.
+        None: the splat's origin stays the world's origin.
+    rotation
+        Three angles [degrees] about the world's x, then y, then z axis, or a quaternion w x y z; applied to the
+        object once it stands upright, before `position`.
+    velocity
+        Of the object's centre of volume at the start [m/s].
+    angular_velocity
+        About that centre at the start [rad/s].
+    reduction
+        Which points the engine is given.
+    min_opacity
+        Gaussians of a lower opacity (0..1) are left out.
+    region
+        Part of the world that is simulated; Gaussians whose centre is outside stay still.
+    floaters
+        What becomes of Gaussians outside the large connected components. "keep" by default: nobody's lettering or
+        loose leaves are thrown away unasked; their number is reported all the same.
+    vertices
+        Vertices of a simplex for this object; None: as in `Scene.maps`.
+    motion
+        How it moves by itself before physics acts on it; None: not at all.
+
+    Raises
+    ------
+    SceneError
+        Where a value is impossible or two contradict each other.
+    """
+
+    name: str
+    splat: Path | Gaussians
+    material: Material | None = None
+    static: bool = False
+    up: UpAxis | None = None
+    height: float | None = None
+    metres_per_unit: float | None = None
+    position: Vector | None = None
+    rotation: tuple[float, ...] | None = None
+    velocity: Vector = (0.0, 0.0, 0.0)
+    angular_velocity: Vector = (0.0, 0.0, 0.0)
+    reduction: Reduction = field(default_factory=Reduction)
+    min_opacity: float = 0.0
+    region: HalfSpace | BoxShape | SphereShape | None = None
+    floaters: Floaters = Floaters.KEEP
+    vertices: Literal[3, 4, "auto"] | None = None
+    motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise SceneError("SplatObject.name must not be empty")
+        if isinstance(self.splat, str):
+            object.__setattr__(self, "splat", Path(self.splat))
+        if self.static and self.material is not None:
+            raise SceneError(f'SplatObject.material of "{self.name}" has no meaning with static: leave one of them out')
+        if not self.static and self.material is None:
+            raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
+        if self.up is not None and self.up not in UP_AXES:
+            raise SceneError(f"SplatObject.up must be one of {', '.join(UP_AXES)}, found {self.up!r}")
+        if self.height is not None and self.metres_per_unit is not None:
+            raise SceneError("SplatObject.height and metres_per_unit contradict each other: give one of them")
+        for name in ("height", "metres_per_unit"):
+            if getattr(self, name) is not None:
+                finite(self, name, low=0.0, open_low=True)
+        if self.position is not None:
+            finite_vector(self, "position")
+        finite_vector(self, "velocity")
+        finite_vector(self, "angular_velocity")
+        finite(self, "min_opacity", low=0.0, high=1.0)
+        if self.rotation is not None:
+            _check_rotation(self)
+        if self.vertices not in (None, 3, 4, "auto"):
+            raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if self.motion is not None:
+            _check_motion(self, self.motion)
+
+
+def _check_motion(owner: SplatObject, motion: Motion) -> None:
+    where = f'SplatObject.motion of "{owner.name}"'
+    if owner.static:
+        raise SceneError(f"{where} has no meaning with static: leave one of them out")
+    if isinstance(motion, FrameSequence) and isinstance(owner.splat, Gaussians):
+        raise SceneError(f"{where} wants a folder of frames for a splat, found Gaussians in memory")
+    if motion.composition == "carried" and (owner.region is not None or owner.floaters is Floaters.STILL):
+        key = "region" if owner.region is not None else 'floaters = "still"'
+        raise SceneError(
+            f"{where} would tear it off what {key} leaves still: leave that out"
+            ' (a drive of kind "pinned" holds matter too), or say composition = "frozen"'
+        )
+
+
+def _check_rotation(owner: SplatObject) -> None:
+    value: Any = owner.rotation
+    try:
+        rotation = tuple(float(component) for component in value)
+    except (TypeError, ValueError):
+        rotation = ()
+    if len(rotation) not in (3, 4) or not all(math.isfinite(component) for component in rotation):
+        raise SceneError(f"SplatObject.rotation must be three degrees or a quaternion w x y z, found {value!r}")
+    if len(rotation) == 4 and not any(rotation):
+        raise SceneError("SplatObject.rotation must not be the zero quaternion")
+    object.__setattr__(owner, "rotation", rotation)

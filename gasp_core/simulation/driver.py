@@ -1,0 +1,196 @@
+"""`simulate`: a scene in, a recording out, whatever the engine."""
+
+from __future__ import annotations
+
+import atexit
+import dataclasses
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import (
+    EngineDescriptor,
+    EngineSession,
+    Field,
+    PointEngine,
+    Precision,
+)
+from gasp_core.contract.capabilities import check_supported
+from gasp_core.contract.options import build_options
+from gasp_core.discovery.registry import discover
+from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
+from gasp_core.progress import progress_for
+from gasp_core.recording import Recording
+from gasp_core.recording.continuing import refuse_other
+from gasp_core.recording.layout import Header
+from gasp_core.recording.writer import RecordingWriter, refuse_existing
+from gasp_core.reduction.assembly import Assembly, Body
+from gasp_core.scene.model import Scene, engine_notes
+from gasp_core.scene.selection import PlacedObject
+from gasp_core.simulation.choice import ChosenEngine, choose_engine
+from gasp_core.simulation.header import header_of
+from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
+from gasp_core.simulation.sources import Prepared, prepare
+
+__all__ = ["simulate"]
+
+Array = NDArray[Any]
+
+
+def simulate(
+    scene: Scene,
+    engine: str | tuple[EngineDescriptor, PointEngine] | None = None,
+    out: str | Path | None = None,
+    *,
+    device: str | None = None,
+    precision: Precision | None = None,
+    resume: bool = False,
+    frames: int | None = None,
+    overwrite: bool = False,
+    isolate: bool | None = None,
+    progress: bool | None = None,
+    recorded: Callable[[int], None] | None = None,
+) -> Recording:
+    """Run a scene and record it.
+
+    Parameters
+    ----------
+    scene
+        What happens.
+    engine
+        Name of an engine instead of the scene's, or one that is not installed, with its descriptor.
+    out
+        Folder of the recording. None: a temporary one, gone when the process ends.
+    device, precision
+        Instead of the scene's; without them another engine keeps what the scene says where it can, see
+        `Scene.with_engine`.
+    resume
+        Go on with the recording at `out` from its last checkpoint; begin where there is none. The result is that of
+        a run that never stopped, bit for bit with an engine that is deterministic. The scene may last longer than
+        before.
+    frames
+        Stop once there are so many frames, the one at time 0 included; `resume` goes on from there.
+    overwrite
+        Replace a recording that is at `out`.
+    isolate
+        Run the engine in a process of its own; None: as the scene says.
+    progress
+        Show a progress bar and notes on stderr; None: where that is a terminal.
+    recorded
+        Called with the number of each new frame once it is on disk.
+
+    Returns
+    -------
+    Recording
+        "complete", or "incomplete" where Ctrl-C or `frames` stopped it.
+
+    Raises
+    ------
+    GaspError
+        Before anything is opened: SceneError, SplatFormatError, UnknownEngineError, UnsupportedSceneError,
+        RecordingError where something is at `out` already. While it runs: EngineDivergedError where the state is no
+        longer credible, EngineCrashedError where the process of an isolated engine dies; the frames up to the last good
+        one are kept.
+    """
+    if frames is not None and frames < 1:
+        raise SceneError(f"frames must be at least 1, found {frames!r}")
+    asked = scene
+    scene, chosen = choose_engine(scene, engine, isolate, device, precision)
+    options = build_options(chosen.descriptor, scene.engine.options)
+    prepared = prepare(scene)
+    wanted = scene.frame_count
+    names = [body.name for body in prepared.assembly.bodies]
+    check_supported(
+        prepared.assembly.problem,
+        chosen.descriptor,
+        device=scene.engine.device,
+        precision=scene.engine.precision,
+        fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
+        body_names=names,
+        others=discover().engines.values(),
+    )
+    header = header_of(scene, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
+    path = _temporary() if out is None else Path(out)
+    with progress_for(progress, wanted) as shown:
+        for note in header.notes:
+            shown.say(note)
+        end = wanted if frames is None else min(frames, wanted)
+        if resume and (path / "zarr.json").exists():
+            found = Recording.open(path)
+            refuse_other(found, header, chosen.descriptor, options)
+            writer, last, restart = RecordingWriter.resume(found, wanted)
+            opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
+            begun: AbstractContextManager[EngineSession | None] = nullcontext()
+        else:
+            refuse_existing(path, overwrite)
+            # Opened before anything is written: what the engine refuses leaves nothing behind.
+            opening = partial(_opened, scene, prepared.assembly, chosen, options, {})
+            begun = opening() if end > 1 else nullcontext()
+            writer, last = None, -1
+        with begun as session:
+            writer = writer or _created(path, scene, prepared, header, overwrite)
+            try:
+                run = FrameLoop(scene, prepared.assembly, chosen, writer, shown, recorded or (lambda frame: None))
+                run.go(last, (lambda: session) if session is not None else opening, end)
+            finally:
+                writer.close()
+    return Recording.open(path)
+
+
+def _drawn(objects: Sequence[PlacedObject]) -> Gaussians:
+    parts = [placed.gaussians for placed in objects]
+    names = [field.name for field in dataclasses.fields(Gaussians)]
+    return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _opened(
+    scene: Scene, assembly: Assembly, chosen: ChosenEngine, options: Any, restart: dict[str, Array]
+) -> EngineSession:
+    """The engine at the start, or where a checkpoint left it."""
+    capabilities = chosen.descriptor.capabilities
+    return chosen.opened(scene.engine).open(
+        assembly.problem,
+        device=scene.engine.device or capabilities.devices[0],
+        precision=scene.engine.precision or capabilities.precisions[0],
+        seed=scene.engine.seed,
+        accuracy=dataclasses.replace(scene.accuracy, spacing=assembly.spacing),
+        options=options,
+        restart=restart or None,
+    )
+
+
+def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overwrite: bool) -> RecordingWriter:
+    return RecordingWriter.create(
+        path,
+        header,
+        reference=_drawn(prepared.objects),
+        moving=np.concatenate([placed.moving for placed in prepared.objects]),
+        points=prepared.assembly.problem.points.reference_positions,
+        carriers=[_kept(body) for body in prepared.assembly.bodies],
+        drifting=sum(body.block.rest.size // 3 for body in prepared.assembly.bodies if drift_is_recorded(body)),
+        frames_wanted=scene.frame_count,
+        velocities=scene.recording.velocities,
+        overwrite=overwrite,
+    )
+
+
+def _kept(body: Body) -> dict[str, Array]:
+    """What a recording keeps of a body: how its points carry it, and what its motion is a formula of."""
+    kept = dict(body.carrier.arrays())
+    if body.drift is not None and body.drift.has_formula:
+        kept["unmoved"] = body.drift.unmoved
+    return kept
+
+
+def _temporary() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="gasp-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder / "run.gasp"

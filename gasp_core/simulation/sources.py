@@ -1,0 +1,100 @@
+"""The splats of a scene, read and placed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.dynamics.callables import function_digest
+from gasp_core.dynamics.composition import Played, play
+from gasp_core.dynamics.sequence import frame_files
+from gasp_core.gaussians import Gaussians
+from gasp_core.io import read_splat
+from gasp_core.reduction.assembly import Assembly, assemble
+from gasp_core.scene.model import Scene
+from gasp_core.scene.motions import FrameSequence, PythonMotion
+from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.selection import PlacedObject, place_object
+from gasp_core.scene.writing import gaussians_digest
+
+__all__ = ["Prepared", "prepare"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A scene whose splats are read and placed.
+
+    Parameters
+    ----------
+    objects
+        In the order of the scene.
+    digests
+        SHA-256 of each object's source.
+    assembly
+        What the engine is given.
+    """
+
+    objects: tuple[PlacedObject, ...]
+    digests: tuple[str, ...]
+    assembly: Assembly
+
+
+def prepare(scene: Scene) -> Prepared:
+    """Read, select and place the splats of a scene and make the engine's points of them.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where a splat cannot be read, or nothing of it is left.
+    """
+    objects: list[PlacedObject] = []
+    digests: list[str] = []
+    motions: dict[str, Played] = {}
+    for item in scene.objects:
+        gaussians, digest = read_source(item)
+        if item.motion is None:
+            objects.append(place_object(item, gaussians))
+        else:
+            placed, motions[item.name] = play(item, gaussians, scene.maps)
+            objects.append(placed)
+        digests.append(digest)
+    degrees = {placed.gaussians.sh_degree for placed in objects}
+    if len(degrees) > 1:
+        objects = [_raised(placed, max(degrees)) for placed in objects]
+    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects, motions))
+
+
+def read_source(item: SplatObject) -> tuple[Gaussians, str]:
+    """The Gaussians of an object, of frames those of the first, and the digest of where they and psi come from."""
+    if isinstance(item.motion, PythonMotion):
+        gaussians, own = read_source(dataclasses.replace(item, motion=None))
+        return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
+    if isinstance(item.splat, Gaussians):
+        return item.splat, gaussians_digest(item.splat)
+    first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
+    gaussians = read_splat(first)
+    digest = hashlib.sha256()
+    files = sorted(item.splat.rglob("*")) if item.splat.is_dir() else [item.splat]
+    for file in files:
+        if file.is_file():
+            digest.update(file.name.encode())
+            with file.open("rb") as stream:
+                while block := stream.read(2**20):
+                    digest.update(block)
+    return gaussians, digest.hexdigest()
+
+
+def _raised(placed: PlacedObject, degree: int) -> PlacedObject:
+    """An object whose harmonics are filled up with zeros to a degree, so that all objects share one array."""
+    harmonics = placed.gaussians.harmonics
+    missing = (degree + 1) ** 2 - harmonics.shape[1]
+    zeros = np.zeros((len(harmonics), missing, 3), dtype=harmonics.dtype)
+    raised = placed.gaussians.with_(harmonics=np.concatenate([harmonics, zeros], axis=1))
+    return dataclasses.replace(placed, gaussians=raised)

@@ -1,0 +1,78 @@
+"""Choices of the explicit material point method, in one place for every engine that is one.
+
+Two are about how stress reaches the grid. With them engines that share the quadratic B-splines and the affine
+transfers give the same numbers; without them a thin thing that lies across the grid bends too far, and one that keeps
+its volume does not bend at all.
+The third is about tracers, which have no mass and are carried by the grid alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import Elastic, Foam, Material, Metal, NeoHookean, Plasticine
+
+__all__ = ["FULL_PRESENCE", "GRADIENT_SHARE", "averaged_lame", "presence"]
+
+GRADIENT_SHARE = 0.25
+"""How much of the kernel by which stress acts is the spline's own gradient; the rest is moving least squares.
+
+In moving-least-squares form (Hu et al. 2018, 10.1145/3197517.3201293) a point pulls at a node by 4/dx^2 w r, r being
+the way to it. Along an axis that is a kernel, but in space it is not the gradient of one: where tension runs along a
+free surface that lies askew to the grid, the pulls on the nodes beside it do not cancel, and the outermost points give
+up a fifth of their strain. The spline's gradient cancels exactly and is rougher: its strain is noisier and its stable
+step shorter. A sum of both, a 1/dx along an axis with
+
+    a_k = (1 - s) 4 w_k r_k + s w'_k,   sum a_k = 0,   sum a_k r_k = 1,
+
+has what both have (momentum and angular momentum are conserved, affine fields are exact), and used for the force as
+well as for the rate of deformation it conserves energy too. A cantilever six cells thick that bends by a quarter of its
+length (K = 2) hangs too deep by 8.3 % at s = 0, 4.3 % at 1/4, 3.2 % at 1/2, 3.5 % at 1 (`benchmarks/stress_kernel.py`).
+The stable step is shorter by the factor 1/sqrt(1 + s^2), `gasp_core.stepping.time_step`: 3 % at a quarter.
+"""
+
+_OWN_LAME = 4.0
+"""In shear moduli: lambda at Poisson's ratio 0.4."""
+
+
+def averaged_lame(material: Material) -> float:
+    """The part of Lame's lambda [Pa] that acts on the mean dilation around a point instead of the point's own.
+
+    Where every point keeps its own volume, a grid that has fewer degrees of freedom than points locks: eight points a
+    cell make eight constraints for three velocities. So of a lambda above 4 mu (Poisson's ratio 0.4) the excess acts
+    through the average q_i = sum_p w_ip V_p q_p / sum_p w_ip V_p at the nodes (q the dilation, J - 1 or ln J), brought
+    back to the points by the same weights. That is the energy
+
+        1/2 sum_i (sum_p w_ip V_p sqrt(lambda_p) q_p)^2 / sum_p w_ip V_p,
+
+    never above that of the points themselves (Cauchy-Schwarz), so the stable step is what it was, and a lone point
+    feels no difference. After the volume averaging of Zhao, Jiang and Choo 2023, "Circumventing volumetric locking in
+    explicit material point methods", here of the energy rather than of the deformation gradient.
+
+    What flows at constant volume has no shear stiffness while it does, and so locks at any Poisson's ratio, but little:
+    with the excess averaged at a ratio of 0.49 a rod of metal, three cells thick and thrown on a floor, is shortened to
+    0.861 of its length rather than 0.877 (0.836 at twice the resolution). With all of lambda averaged it would be 0.858
+    there, and 0.843 rather than 0.844 at a ratio of 0.3, while the points' own volumes scatter by a fifth to a third
+    more. So it is the excess here as well.
+    """
+    if isinstance(material, Elastic | NeoHookean | Metal | Plasticine | Foam):
+        return max(0.0, material.lame_lambda - _OWN_LAME * material.shear_modulus)
+    return 0.0
+
+
+FULL_PRESENCE = 0.1
+"""Mass, in mean point masses, from which on a node counts fully for a tracer."""
+
+
+def presence(masses: NDArray[Any], point_mass: float) -> NDArray[Any]:
+    """How much nodes of these masses [kg] count for tracers, 0 to 1; `point_mass` [kg] is the points' mean.
+
+    A tracer has no mass of its own, and goes with velocity sum_i w_i h_i v_i / sum_i w_i h_i, h_i being this. Without
+    it a tracer beside matter would lag, since the nodes without mass have no velocity; with h = 1 for every node that
+    has any, it would listen to nodes at the rim of a point's reach, whose stress per mass grows beyond all bounds as
+    their mass falls. Inside matter every h_i is 1, and affine velocity fields are exact.
+    """
+    return np.minimum(masses / (FULL_PRESENCE * point_mass), 1.0)

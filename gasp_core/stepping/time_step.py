@@ -1,0 +1,253 @@
+"""How large a step explicit MLS-MPM bears, in one place for every engine that steps explicitly.
+
+The linear bound is that of an isolated point under quadratic B-splines: the point's own affine velocity C and its own
+stress form the stiffest oscillator there is (neighbours only soften it). A step takes C to C - k tau and the strain by
+dt (C - k S tau), where k = 4 dt / (rho dx^2) and S = sum_i a_i^2 / (4 w_i) of the kernel a of `gasp_core.stepping.mpm`:
+S = 1 for moving least squares, and up to 1 + s^2/2 with a share s of the gradient, for a point between two nodes. The
+2x2 matrix of one mode of stiffness M has determinant 1 - q (S - 1) and trace 2 - q S, q = dt k M, and so a spectral
+radius of at most 1 as long as q (2 S - 1) <= 4:
+
+    dt = dx sqrt(rho / (max(2 mu, 2 mu + 3 lambda) (1 + s^2))),
+
+which for a solid with nu >= 0 is dx sqrt(rho (1 - 2 nu) / (E (1 + s^2))).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import (
+    BoxShape,
+    Drive,
+    Driven,
+    EngineAccuracy,
+    Fluid,
+    ForceField,
+    Impulse,
+    Material,
+    PointProblem,
+    Shape,
+    Snow,
+    SphereShape,
+)
+from gasp_core.errors import SceneError
+from gasp_core.stepping.mpm import GRADIENT_SHARE
+
+__all__ = [
+    "MotionLimits",
+    "driven_speed",
+    "event_times",
+    "hardening_of",
+    "hencky_stiffening",
+    "refuse_unstable_substep",
+    "rest_bound",
+    "snow_stiffening",
+    "stiffening",
+    "substep_size",
+    "substeps_to",
+]
+
+Array = NDArray[Any]
+
+_ADVECTION = 0.5
+"""|v| dt + g dt^2 <= 0.5 dx."""
+_DISTORTION = 0.2
+"""|grad v| dt <= 0.2 (after Sun et al. 2020, 10.1111/cgf.14101)."""
+_HARDENED = 0.5
+"""xi |grad v| t <= 0.5: no snow becomes stiffer than by a factor e^0.9 within t, tr grad v <= sqrt(3) |grad v|."""
+_GREATEST_EXPONENT = 200.0
+"""Of a growth of stiffness: e^100 times as many steps are too many, whatever the limit, and can still be counted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionLimits:
+    """What bounds the next step.
+
+    Parameters
+    ----------
+    stress
+        Smallest stable step over all points at their present stretch [s].
+    speed
+        Largest |v| [m/s], of the points and of what drives make of them (`driven_speed`).
+    velocity_gradient
+        Largest Frobenius norm of the points' affine velocity C [1/s].
+    acceleration
+        Of gravity [m/s^2]: what is at rest now is not so at the end of a long step.
+    hardening
+        Largest growth of the logarithm of a stiffness per unit of compression (`hardening_of`).
+    """
+
+    stress: float
+    speed: float
+    velocity_gradient: float
+    acceleration: float = 0.0
+    hardening: float = 0.0
+
+    def flight(self, distance: float) -> float:
+        """Longest time t [s] in which no point goes further than `distance` [m]: |v| t + a t^2 at most.
+
+        Twice the fall of a t^2 / 2, because a step of symplectic Euler moves with the velocity at its end.
+        """
+        rate = self.speed + math.sqrt(self.speed**2 + 4 * self.acceleration * distance)
+        return 2 * distance / rate if rate > 0 else math.inf
+
+    def lasting(self, distance: float) -> float:
+        """How long [s] these limits may be relied on: until a point has gone `distance` [m], or snow has hardened."""
+        return min(self.flight(distance), self.hardening_time)
+
+    @property
+    def hardening_time(self) -> float:
+        """How long [s] snow takes to become noticeably stiffer, pressed as fast as anything is."""
+        growth = self.hardening * self.velocity_gradient
+        return _HARDENED / growth if growth > 0 else math.inf
+
+
+def rest_bound(material: Material, spacing: float) -> float:
+    """Largest stable step [s] of an isolated, undeformed point; inf for a material without stiffness.
+
+    For a fluid mu = 0 and lambda = K, and the viscous force alone would bear rho dx^2 / (4 eta (1 + s^2)): both rates
+    add.
+    """
+    # D of the quadratic B-spline, and what the kernel's share of the gradient leaves of it.
+    inertia = spacing * spacing / (4 * (1 + GRADIENT_SHARE**2))
+    mu = getattr(material, "shear_modulus", 0.0)
+    lame = material.bulk_modulus if isinstance(material, Fluid) else getattr(material, "lame_lambda", 0.0)
+    stiffness = max(2 * mu, 2 * mu + 3 * lame)
+    if stiffness <= 0:
+        return math.inf
+    bound = 2 * math.sqrt(inertia * material.density / stiffness)
+    viscosity = getattr(material, "viscosity", 0.0)
+    if viscosity > 0:
+        bound = 1 / (1 / bound + viscosity / (inertia * material.density))
+    return bound
+
+
+def stiffening(deformation_gradients: Array) -> Array:
+    """Factor >= 1, (N,), by which points (N, 3, 3) are stiffer than at rest; a step shrinks by its square root.
+
+    Fixed-corotated stress stiffens as 2 s^2 - s in the largest stretch s, and as 2 J^2 - J in volume. No decomposition
+    is needed for a bound on s: the other two stretches have the product |J|/s, so their squares add up to 2 |J|/s at
+    least, and s is at most the largest root of s^3 - |F|^2 s + 2 |J| = 0 (Viete's form; exact where the two are equal).
+    """
+    stretch, volume_ratio = _largest_stretch(deformation_gradients)
+    stretch = np.maximum(np.maximum(stretch, volume_ratio), 1.0)
+    return 2 * stretch**2 - stretch
+
+
+def _largest_stretch(deformation_gradients: Array) -> tuple[Array, Array]:
+    """Bound on the largest stretch, and |J|, each (N,); see `stiffening`."""
+    volume_ratio = np.abs(np.linalg.det(deformation_gradients))
+    third = np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) / 3
+    # What was crushed to nothing has no scale; that of the floor is still there when it is cubed.
+    scale = np.sqrt(np.maximum(third, 1e-200))
+    # The mean of three squares is never below the geometric one; rounding may say so.
+    angle = np.arccos(-np.minimum(volume_ratio / scale**3, 1.0)) / 3
+    return 2 * scale * np.cos(angle), volume_ratio
+
+
+def hencky_stiffening(deformation_gradients: Array) -> Array:
+    """As `stiffening`, for laws that are linear in the logarithm of the elastic stretches, (N, 3, 3) to (N,).
+
+    tau_i = 2 mu e_i + lambda tr e is as stiff in pressure however far it is stretched. In shear between the axes i and
+    j, d tau_ij = (tau_j - tau_i) (b_j L_ij + b_i L_ji) / (b_j - b_i), b = exp(2 e): on L_ij + L_ji its eigenvalue is
+    2 mu x coth x, x = e_j - e_i (Ogden 1984, "Non-linear elastic deformations", section 6.1.4). With s a bound on the
+    largest stretch, x <= ln(s^3 / |J|).
+    """
+    stretch, volume_ratio = _largest_stretch(deformation_gradients)
+    apart = np.maximum(3 * np.log(stretch) - np.log(np.maximum(volume_ratio, 1e-200)), 1e-9)
+    return apart / np.tanh(apart)
+
+
+def snow_stiffening(log_volume_ratios: Array, hardening: float) -> Array:
+    """Factor >= 1, (N,), by which snow is stiffer than at rest, of ln J_P (N,): exp(xi (1 - J_P))."""
+    return np.exp(np.clip(-hardening * np.expm1(np.minimum(log_volume_ratios, 1.0)), 0.0, _GREATEST_EXPONENT))
+
+
+def hardening_of(problem: PointProblem) -> float:
+    """Largest xi of the snow in a problem, 0 without any: d ln(stiffness) = -xi dJ_P, and -dJ_P <= compression."""
+    used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
+    return max((material.hardening for material in used if isinstance(material, Snow)), default=0.0)
+
+
+def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: EngineAccuracy) -> None:
+    """Refuse an explicit `accuracy.substep` above the bound of any material that is used.
+
+    Raises
+    ------
+    SceneError
+        Naming the bound and the material that sets it.
+    """
+    if accuracy.substep is None:
+        return
+    used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
+    bound, material = min(((rest_bound(each, spacing), each) for each in used), key=itemgetter(0))
+    if accuracy.substep > bound:
+        raise SceneError(
+            f"substep {accuracy.substep:.3g} s is above the stable bound {bound:.3g} s"
+            f' ({material.kind}, grid spacing {spacing:.3g} m): leave "substep" out, or stay below the bound'
+        )
+
+
+def substep_size(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy) -> float:
+    """The step [s] the scene bears now: the override, or the smallest of what stress and motion allow."""
+    if accuracy.substep is not None:
+        return accuracy.substep
+    step = accuracy.substep_fraction * limits.stress
+    step = min(step, limits.flight(_ADVECTION * spacing))
+    if limits.velocity_gradient > 0:
+        step = min(step, _DISTORTION / limits.velocity_gradient)
+    return min(step, limits.hardening_time)
+
+
+def driven_speed(drives: Sequence[Drive], time: float, low: Array, high: Array) -> float:
+    """Bound on the speed [m/s] that drives prescribe at `time` [s] to matter between corners low and high (3,) [m].
+
+    Matter that a drive takes hold of has that speed within a step, whatever it had before.
+    """
+    speed = 0.0
+    for drive in drives:
+        if not (isinstance(drive, Driven) and drive.start <= time < drive.end):
+            continue
+        center = np.asarray(drive.center) + np.asarray(drive.velocity) * (time - drive.start)
+        nearest = np.linalg.norm(np.maximum(np.maximum(low - center, center - high), 0.0))
+        farthest = np.linalg.norm(np.maximum(np.abs(low - center), np.abs(high - center)))
+        reach = _reach(drive.region, np.asarray(drive.center))
+        if nearest <= reach:
+            arm = min(float(farthest), reach)
+            speed = max(speed, math.hypot(*drive.velocity) + math.hypot(*drive.angular_velocity) * arm)
+    return speed
+
+
+def _reach(region: Shape, center: Array) -> float:
+    """Largest distance [m] of a place in the region from `center` (3,) [m], about which it may be turned."""
+    match region:
+        case BoxShape():
+            return float(np.linalg.norm(np.abs(np.asarray(region.center) - center) + region.half_extents))
+        case SphereShape():
+            return float(np.linalg.norm(np.asarray(region.center) - center)) + region.radius
+        case _:
+            return math.inf
+
+
+def substeps_to(remaining: float, step: float) -> tuple[int, float]:
+    """Number and size [s] of equal steps, none above `step`, that land on the end of `remaining` [s]."""
+    # A hair of tolerance: 0.04 / 0.0004 must not become 101 steps.
+    count = max(1, math.ceil(remaining / step * (1 - 1e-9)))
+    return count, remaining / count
+
+
+def event_times(drives: Sequence[Drive], force_fields: Sequence[ForceField]) -> Array:
+    """Sorted times [s] at which something starts or ends; steps land on each, so that no window is cut short."""
+    times: set[float] = set()
+    for event in [*drives, *force_fields]:
+        times.add(event.start)
+        if not isinstance(event, Impulse) and math.isfinite(event.end):
+            times.add(event.end)
+    return np.array(sorted(times))

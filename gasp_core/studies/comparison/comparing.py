@@ -1,0 +1,202 @@
+"""`compare`: the same scene through several engines."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import platform
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gasp_core.accuracy.trajectories import distance
+from gasp_core.contract import Precision
+from gasp_core.errors import AccuracyError, RecordingError
+from gasp_core.io.atomic import replacing
+from gasp_core.progress import counting
+from gasp_core.recording import Recording
+from gasp_core.rendering.camera import check_size
+from gasp_core.scene.model import Scene
+from gasp_core.simulation.sources import prepare
+from gasp_core.stepping.threads import processors
+from gasp_core.studies.comparison.curves import RunCurves, curves_of
+from gasp_core.studies.comparison.filming import film_all
+from gasp_core.studies.comparison.measures import Comparison, Likeness, Pair, Row
+from gasp_core.studies.comparison.page import page_of
+from gasp_core.studies.comparison.running import chosen_engines, notes_of, run_all, runs_of
+from gasp_core.studies.runs import Outcome, Run, check_limits
+
+__all__ = ["compare"]
+
+_REPORT = "comparison.json"
+
+
+def compare(
+    scene: Scene,
+    engines: Sequence[str] | None = None,
+    out: str | Path = "scene.compare",
+    *,
+    name: str | None = None,
+    resolution: int | None = None,
+    device: str | None = None,
+    precision: Precision | None = None,
+    at_once: int = 1,
+    time_limit: float | None = None,
+    size: tuple[int, int] = (480, 360),
+    overwrite: bool = False,
+    progress: bool | None = None,
+) -> Comparison:
+    """Run a scene with several engines, each in a process of its own, and compare what they make of it.
+
+    An engine that cannot do the scene, crashes or diverges is a row of the result like any other. In `out` are then a
+    recording and a film of each engine, ``comparison.json`` and ``comparison.html``.
+
+    Parameters
+    ----------
+    scene
+        What happens; options of its engine are used with that engine alone.
+    engines
+        Names; None: all that are ready.
+    out
+        Folder.
+    name
+        Of the scene, for the page; None: that of the folder.
+    resolution
+        Instead of the scene's.
+    device, precision
+        Of every engine, instead of the scene's, see `Scene.with_engine`; one that lacks them is unable.
+    at_once
+        How many engines run at a time; their times are those of runs alone only with 1.
+    time_limit
+        Wall time [s] of each, after which it is given up; None: none.
+    size [px]
+        Of the films and of the pictures that are compared.
+    overwrite
+        Replace an earlier comparison in `out`.
+    progress
+        Show bars on stderr; None: where that is a terminal.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where no engine could run it: a splat cannot be read, a number is impossible.
+    UnknownEngineError
+        Where no plugin that is installed offers one of them, or none is ready.
+    RecordingError
+        Where something is in `out` already, or it cannot be written.
+    RenderingError
+        Where no picture can have that size.
+    """
+    names = chosen_engines(engines)
+    if resolution is not None:
+        scene = scene.with_resolution(resolution)
+    # Before anything is started or removed: what is wrong with these is wrong for all.
+    check_limits(at_once, time_limit)
+    check_size(*size)
+    masses = prepare(scene).assembly.problem.masses
+    folder = Path(out)
+    runs = runs_of(scene, names, folder, device=device, precision=precision)
+    _make_room(folder, names, overwrite)
+    outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, progress=progress)
+    recordings = {
+        outcome.key: Recording.open(outcome.recording)
+        for outcome in outcomes
+        if outcome.recording is not None and outcome.frame_count > 0
+    }
+    filmed = film_all(recordings, folder, size, progress)
+    comparison = Comparison(
+        scene=folder.stem if name is None else name,
+        folder=folder,
+        frames_wanted=scene.frame_count,
+        frame_rate=scene.frame_rate,
+        resolution=scene.accuracy.resolution,
+        size=size,
+        machine=_machine(at_once),
+        rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
+        pairs=_pairs(recordings, filmed.likenesses, progress),
+        notes=(*notes_of(scene, runs), *filmed.notes),
+    )
+    curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
+    page = page_of(comparison, curves)
+    with replacing(folder / _REPORT) as stream:
+        stream.write(json.dumps(comparison.to_json(), indent=1, ensure_ascii=False, allow_nan=False).encode())
+    with replacing(comparison.page) as stream:
+        stream.write(page.encode("utf-8", errors="backslashreplace"))
+    return comparison
+
+
+def _row(run: Run, outcome: Outcome, recordings: Mapping[str, Recording], films: Mapping[str, Path]) -> Row:
+    record = recordings[run.key].engine if run.key in recordings else None
+    return Row(
+        engine=run.key,
+        version=record.version if record else "",
+        device=record.device if record else "",
+        precision=record.precision if record else "",
+        outcome=outcome,
+        film=films.get(run.key),
+    )
+
+
+def _pairs(
+    recordings: Mapping[str, Recording], likenesses: Mapping[tuple[str, str], Likeness], progress: bool | None
+) -> tuple[Pair, ...]:
+    """Every two of them, over the frames that both have."""
+    pairs = list(itertools.combinations(recordings, 2))
+    found: list[Pair] = []
+    with counting(progress, "distance", len(pairs)) as measured:
+        for first, second in pairs:
+            apart, reason = None, ""
+            try:
+                apart = distance(recordings[first], recordings[second])
+            except (AccuracyError, RecordingError) as error:
+                reason = str(error)
+            found.append(
+                Pair(
+                    first=first,
+                    second=second,
+                    distance=apart,
+                    likeness=likenesses.get((first, second)),
+                    reason=reason,
+                )
+            )
+            measured()
+    return tuple(found)
+
+
+def _make_room(folder: Path, names: Sequence[str], overwrite: bool) -> None:
+    """Remove what an earlier comparison left under the names of this one, or refuse to."""
+    report = folder / _REPORT
+    earlier = [*names, *(_engines_of(report) if overwrite else [])]
+    taken = [report, report.with_suffix(".html")]
+    taken += [folder / f"{name}{ending}" for name in dict.fromkeys(earlier) for ending in (".gasp", ".mp4")]
+    there = [path for path in taken if path.exists()]
+    if there and not overwrite:
+        raise RecordingError(
+            f"{there[0]}: is there already: choose another folder (--out), or replace what is there (--overwrite)"
+        )
+    for path in there:
+        if path.suffix == ".gasp":
+            Recording.open(path)  # somebody else's folder is none
+            shutil.rmtree(path)
+        elif path.is_dir():
+            raise RecordingError(f"{path}: is a folder, a comparison writes a file there: choose another --out")
+        else:
+            path.unlink()
+
+
+def _engines_of(report: Path) -> list[str]:
+    """Engines of an earlier comparison, where it can be read."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        found: Any = json.loads(report.read_text(encoding="utf-8"))
+        return [Path(str(row["engine"])).name for row in found["engines"]]
+    return []
+
+
+def _machine(at_once: int) -> str:
+    """What the times are of."""
+    parts = [platform.system(), platform.machine(), f"{processors()} processors"]
+    if at_once > 1:
+        parts.append(f"{at_once} engines at a time")
+    return ", ".join(part for part in parts if part)

@@ -1,0 +1,103 @@
+"""What is to be run, and what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gasp_core.scene.model import Scene
+
+__all__ = ["RunStatus", "Outcome", "Run"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One simulation, to be made in a process of its own.
+
+    Parameters
+    ----------
+    key
+        Its name, unique among those carried out together.
+    scene
+        What happens; the engine, by name, its options, device, precision and accuracy are in it.
+    out
+        Folder of the recording; nothing may be there yet.
+    frames
+        Stop once there are so many, the one at time 0 included; None: all of the scene's.
+    """
+
+    key: str
+    scene: Scene
+    out: Path
+    frames: int | None = None
+
+
+class RunStatus(Enum):
+    """How a run ended."""
+
+    COMPLETE = "complete"
+    """All frames that were asked for are there."""
+    DIVERGED = "diverged"
+    """The state was no longer credible; the frames before are there."""
+    CRASHED = "crashed"
+    """A process died, hung beyond the time limit, or its engine failed with an error no engine should raise."""
+    UNABLE = "unable"
+    """The engine does not declare what the scene needs, or is not there, broken, or not ready here."""
+    FAILED = "failed"
+    """Another error: of the scene, the splats, the disk."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of a run.
+
+    Parameters
+    ----------
+    key
+        Of the `Run`.
+    ending
+        How it ended.
+    reason
+        Why, in one line; empty where it is complete.
+    recording
+        Where its frames are; None where there is none.
+    frame_count
+        Of the recording, the frame at time 0 included.
+    substeps
+        Of the engine, over these frames.
+    wall_seconds
+        Of the whole process [s]: start of the interpreter, imports, reading, opening, frames, ending.
+    start_seconds
+        Of that, until it was in its stride [s]: everything before frame 0 was recorded, and what the first frame took
+        above the median of the later ones, for a backend that compiles when first called hides that there. Where it
+        recorded nothing, all of `wall_seconds`.
+    run_seconds
+        Of that, the frames [s], less what `start_seconds` has of the first. With two frames or fewer nothing can be
+        told apart, and all of the first is here.
+    cpu_seconds
+        Processor time [s], user and system, of the process and of those it started and saw end.
+    run_cpu_seconds
+        Processor time [s] of the frames after the first: of the process and of those it started, such as the worker of
+        an isolated engine. 0 where there is no frame after the first.
+    peak_bytes
+        Memory: the largest resident size that the process itself ever had, plus the largest of any one process
+        that it started. The two may have been at different times, and pages they share count twice, so it is an upper
+        bound; the memory of a GPU is not in it. Measured at frames, so that of a run that died what came after the last
+        look (at most 2 s, or one frame) is missing. 0 where it died before its first frame.
+    """
+
+    key: str
+    ending: RunStatus
+    reason: str = ""
+    recording: Path | None = None
+    frame_count: int = 0
+    substeps: int = 0
+    wall_seconds: float = 0.0
+    start_seconds: float = 0.0
+    run_seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    run_cpu_seconds: float = 0.0
+    peak_bytes: int = 0

@@ -1,0 +1,214 @@
+"""Points and how each of them deforms: which law belongs to which material, applied row by row."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
+from gasp_core.stepping.mpm import averaged_lame
+from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
+from gasp_reference_mpm.constitution import (
+    drucker_prager_projection,
+    fixed_corotated_stress,
+    fluid_deformation,
+    fluid_stress,
+    hencky_stress,
+    log_volume_ratio,
+    logarithmic_strains,
+    neo_hookean_stress,
+    snow_hardening,
+    snow_projection,
+    viscoplastic_projection,
+    von_mises_projection,
+)
+from gasp_reference_mpm.transfer import Stencil, local_means
+
+__all__ = ["Matter", "Motion", "deformed", "kirchhoff_stress", "matter_of", "stable_step"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matter:
+    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], and the rows each material owns."""
+
+    masses: Array
+    volumes: Array
+    portions: tuple[tuple[Material, Array], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What changes. Positions are relative to the grid's origin.
+
+    Parameters
+    ----------
+    positions : (N, 3) [m]
+    velocities : (N, 3) [m/s]
+    affine_velocities : (N, 3, 3) [1/s]
+        C, what the transfers carry.
+    velocity_gradients : (N, 3, 3) [1/s]
+        L, what F grew by.
+    deformations : (N, 3, 3)
+        F; the elastic part of what flows, J^(1/3) I for fluids.
+    history : (N,)
+        What matter remembers of its flow beside F. Sand: the logarithm of the volume ratio it gained while loose. Snow:
+        ln J_P. Metal and plasticine: equivalent plastic strain. Nothing else remembers anything.
+    tracers : (M, 3) [m]
+        Massless points that are carried along.
+    """
+
+    positions: Array
+    velocities: Array
+    affine_velocities: Array
+    velocity_gradients: Array
+    deformations: Array
+    history: Array
+    tracers: Array
+
+
+def matter_of(problem: PointProblem) -> Matter:
+    """Masses, volumes and material rows of a problem."""
+    ids = problem.points.material_ids
+    return Matter(
+        masses=problem.masses,
+        volumes=problem.points.reference_volumes,
+        portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
+    )
+
+
+def _law_stress(material: Material, deformation: Array, velocity_gradient: Array, history: Array) -> Array:
+    match material:
+        case Elastic():
+            own = material.lame_lambda - averaged_lame(material)
+            return fixed_corotated_stress(deformation, material.shear_modulus, own)
+        case NeoHookean():
+            own = material.lame_lambda - averaged_lame(material)
+            return neo_hookean_stress(deformation, material.shear_modulus, own)
+        case Sand():
+            return hencky_stress(deformation, material.shear_modulus, material.lame_lambda)
+        case Metal() | Plasticine() | Foam():
+            own = material.lame_lambda - averaged_lame(material)
+            return hencky_stress(deformation, material.shear_modulus, own)
+        case Snow():
+            at_rest = fixed_corotated_stress(deformation, material.shear_modulus, material.lame_lambda)
+            return snow_hardening(history, material.hardening)[:, None, None] * at_rest
+        case Fluid():
+            return fluid_stress(deformation, velocity_gradient, material.bulk_modulus, material.viscosity)
+        case _:
+            raise AssertionError(f"{material.kind} is not among the declared materials")
+
+
+def kirchhoff_stress(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
+    """tau of every point, (N, 3, 3) [Pa]; what is nearly incompressible feels the mean dilation around it."""
+    stress = np.empty_like(motion.deformations)
+    for material, rows in matter.portions:
+        stress[rows] = _law_stress(
+            material, motion.deformations[rows], motion.velocity_gradients[rows], motion.history[rows]
+        )
+    stress += _mean_pressure(matter, motion, stencil)[:, None, None] * np.eye(3)
+    return stress
+
+
+def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
+    """The isotropic part of tau (N,) [Pa] that comes from the mean dilation (`stepping.mpm.averaged_lame`)."""
+    stiffness, dilation, leverage = (np.zeros(len(matter.masses)) for _ in range(3))
+    for material, rows in matter.portions:
+        stiffness[rows] = math.sqrt(averaged_lame(material))
+        match material:
+            case Elastic():
+                leverage[rows] = np.linalg.det(motion.deformations[rows])
+                dilation[rows] = leverage[rows] - 1
+            case NeoHookean():
+                leverage[rows] = 1.0
+                dilation[rows] = log_volume_ratio(motion.deformations[rows])
+            case Metal() | Plasticine() | Foam():
+                leverage[rows] = 1.0
+                dilation[rows] = logarithmic_strains(motion.deformations[rows]).sum(axis=1)
+            case _:
+                pass
+    tight = np.flatnonzero(stiffness)
+    pressure = np.zeros(len(stiffness))
+    if len(tight):
+        means = local_means(stencil, tight, matter.volumes[tight], (stiffness * dilation)[tight])
+        pressure[tight] = stiffness[tight] * leverage[tight] * means
+    return pressure
+
+
+def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: float) -> tuple[Array, Array]:
+    """Deformation and history after `step` [s] of velocity gradients L (N, 3, 3) [1/s].
+
+    F grows to (I + dt L) F; then the material says how much of that it keeps as elastic deformation.
+    """
+    deformations = motion.deformations + step * velocity_gradients @ motion.deformations
+    history = motion.history.copy()
+    for material, rows in matter.portions:
+        match material:
+            case Sand():
+                deformations[rows], history[rows] = drucker_prager_projection(
+                    deformations[rows],
+                    history[rows],
+                    material.shear_modulus,
+                    material.lame_lambda,
+                    material.friction_angle,
+                )
+            case Snow():
+                deformations[rows], history[rows] = snow_projection(
+                    deformations[rows], history[rows], material.critical_compression, material.critical_stretch
+                )
+            case Metal():
+                deformations[rows], history[rows] = von_mises_projection(
+                    deformations[rows],
+                    history[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    material.hardening,
+                    material.yield_stress,
+                )
+            case Plasticine():
+                deformations[rows], history[rows] = von_mises_projection(
+                    deformations[rows],
+                    history[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    -material.softening * material.yield_stress,
+                    material.residual * material.yield_stress,
+                )
+            case Foam():
+                deformations[rows] = viscoplastic_projection(
+                    deformations[rows],
+                    material.shear_modulus,
+                    material.yield_stress,
+                    material.plastic_viscosity,
+                    step,
+                )
+            case Fluid():
+                dilation = step * np.trace(velocity_gradients[rows], axis1=1, axis2=2)
+                deformations[rows] = fluid_deformation(motion.deformations[rows], dilation)
+            case _:
+                pass
+    return deformations, history
+
+
+def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:
+    """Smallest stable step [s] over all points as they are deformed now."""
+    bound = np.inf
+    for material, rows in matter.portions:
+        deformation = motion.deformations[rows]
+        match material:
+            case Fluid():
+                # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
+                growth = np.maximum(stiffening(deformation), np.linalg.det(deformation) ** -8)
+            case Metal() | Plasticine() | Foam():
+                growth = hencky_stiffening(deformation)
+            case Snow():
+                growth = stiffening(deformation) * snow_stiffening(motion.history[rows], material.hardening)
+            case _:
+                growth = stiffening(deformation)
+        bound = min(bound, rest_bound(material, spacing) / float(np.sqrt(growth.max())))
+    return bound

@@ -1,0 +1,188 @@
+"""What is not declared is refused, and the refusal says which object and which engine could."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Determinism,
+    Domain,
+    DomainPolicy,
+    Driven,
+    Elastic,
+    EngineCapabilities,
+    EngineDescriptor,
+    Field,
+    Fluid,
+    HalfSpace,
+    Impulse,
+    Pinned,
+    PointCloud,
+    PointProblem,
+    Precision,
+    Sand,
+    SphereShape,
+    Wind,
+)
+from gasp_core.contract.capabilities import check_supported, needs, unmet
+from gasp_core.errors import UnsupportedSceneError
+
+BALL = SphereShape(center=(0, 0, 0), radius=1)
+FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
+
+EVERYTHING = EngineCapabilities(
+    materials=frozenset({Elastic, Sand, Fluid}),
+    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+    contact_conditions=frozenset(ContactCondition),
+    drives=frozenset({Pinned, Driven, Impulse}),
+    force_fields=frozenset({Wind}),
+    output_fields=frozenset(Field),
+    conserved=frozenset(),
+    devices=("cpu", "cuda"),
+    precisions=(Precision.FLOAT32, Precision.FLOAT64),
+    determinism=Determinism.BITWISE,
+    domain_policies=frozenset(DomainPolicy),
+    carries_tracers=True,
+    checkpoints=True,
+)
+
+
+def engine(name="black-box", **less):
+    return EngineDescriptor(
+        name=name,
+        summary="",
+        contract_version=(1, 0),
+        capabilities=dataclasses.replace(EVERYTHING, **less),
+        factory="a:b",
+    )
+
+
+SOLID = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.2}
+MATERIALS = (Elastic(**SOLID), Sand(**SOLID), Fluid(density=1.0, bulk_modulus=1.0))
+
+
+def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, **rest):
+    count = len(material_ids)
+    points = PointCloud(
+        reference_positions=np.arange(3.0 * count).reshape(count, 3),
+        initial_velocities=np.zeros((count, 3)),
+        reference_volumes=np.ones(count),
+        material_ids=np.array(material_ids),
+        body_ids=np.array(body_ids),
+        tracer_positions=tracers,
+    )
+    return PointProblem(points=points, materials=MATERIALS, **rest)
+
+
+FULL = problem(
+    tracers=np.zeros((1, 3)),
+    colliders=(Collider(shape=FLOOR), Collider(shape=BALL, contact=ContactCondition.SLIP)),
+    drives=(Pinned(region=BALL), Impulse(region=BALL)),
+    force_fields=(Wind(velocity=(1, 0, 0)),),
+    domain=Domain(lower=(0, 0, 0), upper=(1, 1, 1), policy=DomainPolicy.CLAMP),
+)
+ASKED = {
+    "device": "cuda",
+    "precision": Precision.FLOAT64,
+    "fields": frozenset({Field.POSITIONS, Field.DEFORMATION_GRADIENTS}),
+    "checkpoints": True,
+    "body_names": ["bear", "bucket"],
+}
+
+LESS = {
+    'does not model sand (object "bucket")': {"materials": frozenset({Elastic})},
+    "knows no sphere as a collider (collider 2)": {"collider_shapes": frozenset({HalfSpace})},
+    'knows no contact "slip" (collider 2)': {"contact_conditions": frozenset({ContactCondition.SEPARATE})},
+    'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},
+    'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},
+    'knows no domain policy "clamp"': {"domain_policies": frozenset({DomainPolicy.EXPAND})},
+    "carries no tracers": {"carries_tracers": False},
+    "cannot report deformation_gradients": {"output_fields": frozenset({Field.VELOCITIES})},
+    "writes no checkpoints": {"checkpoints": False},
+    'does not run on device "cuda"': {"devices": ("cpu",)},
+    "does not compute in float64": {"precisions": (Precision.FLOAT32,)},
+}
+
+
+def test_an_engine_that_can_everything_is_accepted():
+    check_supported(FULL, engine(), **ASKED)
+
+
+@pytest.mark.parametrize("refusal", LESS)
+def test_each_capability_that_is_missing_is_refused(refusal):
+    weak, strong = engine(**LESS[refusal]), engine("strong")
+    with pytest.raises(UnsupportedSceneError) as caught:
+        check_supported(FULL, weak, **ASKED, others=[weak, strong])
+    assert str(caught.value).startswith(f"black-box {refusal}")
+    assert "engines that do: strong" in str(caught.value)
+
+
+def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
+    described = {"conserved", "determinism", "temporal_order", "iterates"}
+    tried = {name for less in LESS.values() for name in less}
+    assert tried == {field.name for field in dataclasses.fields(EngineCapabilities)} - described
+
+
+def test_the_message_of_the_design():
+    flex = engine("mujoco-flex", materials=frozenset({Elastic}))
+    others = [engine("warp-mpm"), flex, engine("taichi-mpm"), engine("other", materials=frozenset())]
+    with pytest.raises(UnsupportedSceneError) as caught:
+        check_supported(problem(), flex, body_names=["bear", "bucket"], others=others)
+    assert str(caught.value) == (
+        'mujoco-flex does not model sand (object "bucket"); engines that do: taichi-mpm, warp-mpm'
+    )
+
+
+def test_what_only_the_asked_device_lacks_offers_the_engines_own():
+    with pytest.raises(UnsupportedSceneError, match=r"or choose device cpu$"):
+        check_supported(problem(), engine(devices=("cpu",)), device="cuda")
+    with pytest.raises(UnsupportedSceneError, match=r"or choose precision float32$"):
+        check_supported(problem(), engine(precisions=(Precision.FLOAT32,)), precision=Precision.FLOAT64)
+
+
+def test_a_material_that_no_point_is_made_of_is_not_asked_for():
+    check_supported(problem((0, 0)), engine(materials=frozenset({Elastic})))
+
+
+def test_bodies_without_names_and_many_bodies():
+    weak = engine(materials=frozenset({Elastic}))
+    with pytest.raises(UnsupportedSceneError, match=r"does not model sand; no other"):
+        check_supported(problem(), weak)
+    many = problem((1,) * 5, tuple(range(5)))
+    with pytest.raises(UnsupportedSceneError, match=r'\(object "a", "b", "c" and 2 more\)'):
+        check_supported(many, weak, body_names=list("abcde"))
+
+
+def test_all_that_is_missing_is_said_in_one_line():
+    weak = engine(materials=frozenset({Elastic}), devices=("cpu",))
+    half = engine("half", devices=("cpu",))
+    with pytest.raises(UnsupportedSceneError) as caught:
+        check_supported(problem(), weak, device="cuda", others=[half])
+    # "half" models sand, but not on the device that was asked for: naming it would only lead to the next refusal.
+    assert str(caught.value) == (
+        'black-box does not model sand and does not run on device "cuda"; no other installed engine does'
+    )
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sets(st.sampled_from(sorted(LESS))))
+def test_exactly_the_missing_is_unmet(missing):
+    less = {name: value for refusal in missing for name, value in LESS[refusal].items()}
+    told = unmet(needs(FULL, **ASKED), engine(**less).capabilities)
+    assert len(told) == len(missing)
+    assert all(any(need.refusal.startswith(refusal) for refusal in missing) for need in told)
+
+
+def test_positions_need_no_declaration():
+    check_supported(problem(), engine(output_fields=frozenset()), fields=frozenset({Field.POSITIONS}))
+
+
+def test_a_drive_that_never_ends_is_no_trouble():
+    check_supported(problem(drives=(Driven(region=BALL, end=math.inf),)), engine())

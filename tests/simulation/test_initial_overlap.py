@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gasp_core.contract import BoxShape, Collider, Elastic, HalfSpace, PointCloud, PointProblem, Side
+from gasp_core.simulation.initial_overlap import starts_inside
+
+FLOOR = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
+TANK = Collider(shape=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(1.0, 1.0, 1.0)), side=Side.INSIDE)
+
+
+def told(positions, volumes, *colliders: Collider, bodies=0) -> list[tuple[int, str]]:
+    count = len(positions)
+    points = PointCloud(
+        reference_positions=positions,
+        initial_velocities=np.zeros((count, 3)),
+        reference_volumes=volumes,
+        material_ids=np.zeros(count),
+        body_ids=np.full(count, bodies),
+    )
+    soft = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
+    return list(starts_inside(PointProblem(points=points, materials=(soft,), colliders=colliders), 0.1))
+
+
+def test_points_in_the_floor_are_told_with_their_mass_and_depth() -> None:
+    ((body, line),) = told([[0.0, 0.0, 1.0], [0.0, 0.0, -0.3], [0.0, 0.0, -0.1]], [2.0, 1.0, 1.0], TANK, FLOOR)
+    assert body == 0
+    assert line.startswith("2 points, 50 % of its mass, start inside collider 2 (plane), the deepest by 0.3 m")
+    assert "\n" not in line
+
+
+def test_a_body_is_told_of_by_its_number_and_its_own_mass() -> None:
+    places = [[0.0, 0.0, 0.5], [0.0, 0.0, -0.3], [0.0, 0.0, -0.2]]
+    ((body, line),) = told(places, [9.0, 1.0, 1.0], FLOOR, bodies=[0, 1, 1])
+    assert body == 1 and line.startswith("2 points, 100 % of its mass")
+
+
+def test_points_outside_their_container_are_in_its_wall() -> None:
+    ((_, line),) = told([[0.0, 0.0, 0.5], [1.2, 0.0, 0.0]], [1.0, 1.0], TANK, FLOOR)
+    assert "inside collider 1 (box), the deepest by 0.2 m" in line
+
+
+@pytest.mark.parametrize(("height", "lines"), [(-0.049, 0), (-0.051, 1)])
+def test_a_touch_within_half_a_cell_is_none(height: float, lines: int) -> None:
+    assert len(told([[0.0, 0.0, height]], [1.0], FLOOR, TANK)) == lines
