@@ -1,0 +1,1 @@
+"""Deprecated: what engines are to GASP is in `gasp_core.contract`, `stepping`, `discovery` and `engines`."""
