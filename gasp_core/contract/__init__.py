@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from gasp_core.contract.accuracy import EngineAccuracy
 from gasp_core.contract.descriptor import CONTRACT_VERSION, EngineCapabilities, EngineDescriptor, EngineEnvironment
-from gasp_core.contract.fields import Determinism, Field, Precision, Quantity
+from gasp_core.contract.fields import Determinism, Field, Precision, Quantity, device_class, device_index
 from gasp_core.contract.forcing import (
     Collider,
     ContactCondition,
@@ -39,7 +39,7 @@ from gasp_core.contract.materials import (
     Snow,
 )
 from gasp_core.contract.points import PointCloud, PointProblem, PointState
-from gasp_core.contract.protocols import EngineSession, PointEngine
+from gasp_core.contract.protocols import EngineSession, PointEngine, ViewingSession
 from gasp_core.contract.report import Status, StepReport
 from gasp_core.contract.shapes import SHAPES, BoxShape, HalfSpace, Shape, SphereShape, Vector
 
@@ -87,5 +87,8 @@ __all__ = [
     "Status",
     "StepReport",
     "Vector",
+    "ViewingSession",
     "Wind",
+    "device_class",
+    "device_index",
 ]

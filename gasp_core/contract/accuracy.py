@@ -30,6 +30,9 @@ class EngineAccuracy:
         A fixed step [s] instead; refused by the engine if above its bound.
     solver_tolerance
         Relative, for engines that iterate.
+    iteration_limit
+        Of one solve, for engines that iterate: what has not converged then ends with `Status.NOT_CONVERGED`. None: the
+        engine's own.
     substep_limit
         Largest number of substeps for one frame: what would cost more ends with `Status.SUBSTEP_LIMIT`.
     spacing
@@ -40,6 +43,7 @@ class EngineAccuracy:
     substep_fraction: float = 0.5
     substep: float | None = None
     solver_tolerance: float = 1e-6
+    iteration_limit: int | None = None
     substep_limit: int = 20_000
     spacing: float | None = None
 
@@ -48,6 +52,8 @@ class EngineAccuracy:
         finite(self, "substep_fraction", low=0.0, high=1.0, open_low=True)
         finite(self, "solver_tolerance", low=0.0, high=1.0, open_low=True)
         finite(self, "substep_limit", low=1)
+        if self.iteration_limit is not None:
+            finite(self, "iteration_limit", low=1)
         for name in ("substep", "spacing"):
             if getattr(self, name) is not None:
                 finite(self, name, low=0.0, open_low=True)

@@ -11,6 +11,7 @@ import numpy as np
 from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
 from gasp_core.contract.fields import Field, Precision
 from gasp_core.contract.points import PointProblem
+from gasp_core.contract.shapes import Shape
 from gasp_core.errors import UnsupportedSceneError
 
 __all__ = ["Need", "check_supported", "needs", "unmet"]
@@ -37,6 +38,8 @@ class Need:
     def met_by(self, capabilities: EngineCapabilities) -> bool:
         """Whether an engine with these capabilities can do it."""
         declared: Any = getattr(capabilities, self.capability)
+        if self.capability == "devices":
+            return capabilities.runs_on(str(self.item))
         return declared if isinstance(declared, bool) else self.item in declared
 
 
@@ -63,13 +66,18 @@ def needs(
         ]
     for number, drive in enumerate(problem.drives, start=1):
         asked.append(Need(f'knows no drive "{drive.kind}" (drive {number})', "drives", type(drive)))
+        asked.append(_region_need(drive.region, f"drive {number}"))
     for number, force in enumerate(problem.force_fields, start=1):
         asked.append(Need(f'knows no force field "{force.kind}" (force field {number})', "force_fields", type(force)))
+        if force.region is not None:
+            asked.append(_region_need(force.region, f"force field {number}"))
     if problem.domain is not None:
         policy = problem.domain.policy
         asked.append(Need(f'knows no domain policy "{policy.value}"', "domain_policies", policy))
     if problem.points.tracer_positions is not None:
         asked.append(Need("carries no tracers", "carries_tracers"))
+    for name in sorted(problem.points.material_columns):
+        asked.append(Need(f"has no {name} that varies from point to point", "material_columns", name))
     # Positions are never optional, so an engine need not declare them.
     for field in sorted(fields - {Field.POSITIONS}, key=lambda field: field.value):
         asked.append(Need(f"cannot report {field.value}", "output_fields", field))
@@ -80,6 +88,10 @@ def needs(
     if precision is not None:
         asked.append(Need(f"does not compute in {precision.value}", "precisions", precision))
     return asked
+
+
+def _region_need(region: Shape, where: str) -> Need:
+    return Need(f"knows no {region.kind} as a region ({where})", "region_shapes", type(region))
 
 
 def unmet(asked: Iterable[Need], capabilities: EngineCapabilities) -> list[Need]:

@@ -9,17 +9,22 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gasp_core.contract.fields import Determinism, Field, Precision, Quantity
+from gasp_core.contract.fields import Determinism, Field, Precision, Quantity, device_class, device_index
 from gasp_core.contract.forcing import ContactCondition, DomainPolicy, Drive, ForceField
 from gasp_core.contract.materials import Material
+from gasp_core.contract.shapes import BoxShape, HalfSpace, Shape, SphereShape
 
 __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "EngineEnvironment"]
 
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 0)
-"""Major, minor. A minor step adds what may be left out; a plugin of another major is refused at discovery."""
+CONTRACT_VERSION = (1, 1)
+"""Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
+
+A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says
+what each has brought.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +33,14 @@ class EngineCapabilities:
 
     Parameters
     ----------
+    region_shapes
+        Of regions in which a drive or a force field acts.
+    device_indices
+        Whether one of several devices of a class can be named, "cuda:1".
+    material_columns
+        Names of material fields that may vary from point to point, see `PointCloud.material_columns`.
+    views
+        Fields that a session also hands out on the device, see `ViewingSession`.
     determinism
         How far a second run agrees on the first of `devices`; on any other it is `Determinism.TOLERANCE`.
     temporal_order
@@ -35,10 +48,14 @@ class EngineCapabilities:
     iterates
         Whether steps are solved by iteration, to `EngineAccuracy.solver_tolerance`: two runs that are one on paper may
         then part by that much a step, and not by rounding alone.
+    unconditionally_stable
+        Whether no substep is too long for stability, so that a fixed one is never refused; its error is another matter.
+    damping
+        Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to.
     """
 
     materials: frozenset[type[Material]]
-    collider_shapes: frozenset[type]
+    collider_shapes: frozenset[type[Shape]]
     contact_conditions: frozenset[ContactCondition]
     drives: frozenset[type[Drive]]
     force_fields: frozenset[type[ForceField]]
@@ -54,6 +71,18 @@ class EngineCapabilities:
     iterates: bool = False
     carries_tracers: bool = False
     checkpoints: bool = False
+    region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
+    device_indices: bool = False
+    material_columns: frozenset[str] = frozenset()
+    views: frozenset[Field] = frozenset()
+    unconditionally_stable: bool = False
+    damping: float = 0.0
+
+    def runs_on(self, device: str) -> bool:
+        """Whether this is one of `devices`, or one of a class of them, "cuda:1", where that can be told apart."""
+        return device in self.devices or (
+            self.device_indices and device_class(device) in self.devices and device_index(device) is not None
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

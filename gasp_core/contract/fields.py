@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-__all__ = ["Determinism", "Field", "Precision", "Quantity"]
+__all__ = ["Determinism", "Field", "Precision", "Quantity", "device_class", "device_index"]
 
 Array = NDArray[Any]
 
@@ -47,3 +47,14 @@ class Determinism(Enum):
     """On the same machine with the same number of threads."""
     TOLERANCE = "tolerance"
     """Up to rounding."""
+
+
+def device_class(device: str) -> str:
+    """The class of a device: "cuda" of "cuda" and of "cuda:1"."""
+    return device.partition(":")[0]
+
+
+def device_index(device: str) -> int | None:
+    """Which of the devices of its class, from 0: 1 of "cuda:1"; None of "cuda", and of what names no device."""
+    number = device.partition(":")[2]
+    return int(number) if number.isascii() and number.isdecimal() else None

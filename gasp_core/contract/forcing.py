@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
-from gasp_core.contract.shapes import BoxShape, HalfSpace, Shape, SphereShape, Vector
+from gasp_core.contract.shapes import HalfSpace, Shape, Vector
 from gasp_core.contract.validation import finite, finite_vector
 from gasp_core.errors import SceneError
 
@@ -62,7 +62,7 @@ class Collider:
         Where matter may be.
     """
 
-    shape: HalfSpace | BoxShape | SphereShape
+    shape: Shape
     contact: ContactCondition = ContactCondition.SEPARATE
     friction: float = 0.0
     side: Side = Side.OUTSIDE
@@ -89,7 +89,7 @@ class Drive:
     """Something that moves the matter in a region of space during [start, end) [s]."""
 
     kind: ClassVar[str] = ""
-    region: HalfSpace | BoxShape | SphereShape
+    region: Shape
     start: float = 0.0
     end: float = math.inf
 
@@ -151,7 +151,7 @@ class ForceField:
     """A force that acts everywhere in a region (None: everywhere) during [start, end) [s]."""
 
     kind: ClassVar[str] = ""
-    region: HalfSpace | BoxShape | SphereShape | None = None
+    region: Shape | None = None
     start: float = 0.0
     end: float = math.inf
 

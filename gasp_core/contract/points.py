@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,9 @@ class PointCloud:
         Which body a point belongs to, 0, 1, 2, ...
     tracer_positions : (M, 3) [m] or None
         Massless points carried along, for engines that declare `carries_tracers`.
+    material_columns
+        By name of a field of their materials, (N,) each: what a point has instead of its material's own number. For
+        engines that declare the name; not finite where the material's own holds.
 
     Raises
     ------
@@ -46,6 +51,7 @@ class PointCloud:
     material_ids: Array
     body_ids: Array
     tracer_positions: Array | None = None
+    material_columns: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
     def __post_init__(self) -> None:
         count = len(frozen_array(self, "reference_positions", (None, 3), np.float64, what="point"))
@@ -60,6 +66,11 @@ class PointCloud:
         frozen_array(self, "body_ids", (count,), np.int32, what="point")
         if self.tracer_positions is not None:
             frozen_array(self, "tracer_positions", (None, 3), np.float64, what="tracer")
+        object.__setattr__(
+            self,
+            "material_columns",
+            {name: _column(name, values, count) for name, values in self.material_columns.items()},
+        )
 
     def __len__(self) -> int:
         return int(self.reference_positions.shape[0])
@@ -86,27 +97,41 @@ class PointProblem:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
     """None: no edge, as with `DomainPolicy.EXPAND`."""
-    grid_anchor: tuple[float, float, float] | None = None
-    """A place [m] that an engine lays its grid out from, `gasp_core.stepping.grid.grid_node`; None: the middle of the
-    points. Few points that stand for much matter reach less far than it does: laid out from them, the grid would lie
-    elsewhere for each choice of them."""
+    hints: tuple[object, ...] = ()
+    """What some engines can make use of and none has to: instances of classes that are no part of this contract, e.g.
+    `gasp_core.stepping.grid.GridAnchor`. They decide nothing about the scene."""
 
     def __post_init__(self) -> None:
         finite_vector(self, "gravity")
-        if self.grid_anchor is not None:
-            finite_vector(self, "grid_anchor")
         ids = self.points.material_ids
         if ids.min() < 0 or ids.max() >= len(self.materials):
             raise SceneError(
                 f"PointCloud.material_ids must be rows of the {len(self.materials)} materials,"
                 f" found {int(ids.min())}..{int(ids.max())}"
             )
+        for name, column in self.points.material_columns.items():
+            _check_column(name, column, ids, self.materials)
 
     @property
     def masses(self) -> Array:
         """Masses of the points, (N,) [kg]."""
-        densities = np.array([material.density for material in self.materials])
-        return densities[self.points.material_ids] * self.points.reference_volumes
+        return self.material_values("density") * self.points.reference_volumes
+
+    def material_values(self, name: str) -> Array:
+        """A number of the points' materials, (N,): of each point's own column where it has one.
+
+        Parameters
+        ----------
+        name
+            A field that the materials of all points have, e.g. "density".
+        """
+        points = self.points
+        used = np.unique(points.material_ids)
+        table = np.zeros(len(self.materials))
+        table[used] = [getattr(self.materials[row], name) for row in used]
+        values = table[points.material_ids]
+        own = points.material_columns.get(name)
+        return values if own is None else np.where(np.isfinite(own), own, values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,3 +149,28 @@ class PointState:
             array = getattr(self, name)
             if array is not None:
                 array.flags.writeable = False
+
+
+def _column(name: str, values: Array, count: int) -> Array:
+    """A column as owned, read-only float64 numbers."""
+    column = np.array(values, dtype=np.float64)
+    if column.shape != (count,):
+        raise SceneError(f"PointCloud.material_columns: {name} must have shape ({count},), found {column.shape}")
+    column.flags.writeable = False
+    return column
+
+
+def _check_column(name: str, column: Array, ids: Array, materials: tuple[Material, ...]) -> None:
+    """Refuse numbers that no material could have, or of a field that it does not have."""
+    own = np.isfinite(column)
+    for row in np.unique(ids[own]):
+        material = materials[row]
+        if name not in [one.name for one in dataclasses.fields(material)]:
+            raise SceneError(f"PointCloud.material_columns: {material.kind} has no {name}")
+        rows = np.flatnonzero(own & (ids == row))
+        # A material's bounds are intervals, so what its ends bear, all between them do.
+        for at in (rows[np.argmin(column[rows])], rows[np.argmax(column[rows])]):
+            try:
+                dataclasses.replace(material, **{name: float(column[at])})
+            except SceneError as error:
+                raise SceneError(f"PointCloud.material_columns: {name} of point {at}: {error}") from None

@@ -13,7 +13,7 @@ from gasp_core.contract.fields import Field, Precision
 from gasp_core.contract.points import PointProblem, PointState
 from gasp_core.contract.report import StepReport
 
-__all__ = ["EngineSession", "PointEngine"]
+__all__ = ["EngineSession", "PointEngine", "ViewingSession"]
 
 Array = NDArray[Any]
 
@@ -55,6 +55,19 @@ class EngineSession(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
     ) -> None: ...
+
+
+class ViewingSession(EngineSession, Protocol):
+    """A session that hands out its state where it is, for engines that declare `EngineCapabilities.views`."""
+
+    def view(self, field: Field) -> Any:
+        """A field as an array on the session's device, of the engine's own precision, rows in the order given.
+
+        Anything that can be asked for `__dlpack__` and `__dlpack_device__`: `numpy.from_dlpack`, `torch.from_dlpack`
+        and their like take it without a copy. It is to be read only, and holds until the session next advances or is
+        closed.
+        """
+        ...
 
 
 class PointEngine(Protocol):

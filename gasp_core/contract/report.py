@@ -36,6 +36,10 @@ class StepReport:
         Number and sizes [s] of the steps taken.
     warnings
         One sentence each, for the user; also the reason where `status` is not OK.
+    solver_iterations
+        Of all solves of an engine that iterates, in sum.
+    solver_residual
+        The largest, relative, that a solve ended with; None where the engine does not iterate or does not tell.
     """
 
     status: Status
@@ -43,3 +47,5 @@ class StepReport:
     smallest_substep: float
     largest_substep: float
     warnings: tuple[str, ...] = ()
+    solver_iterations: int = 0
+    solver_residual: float | None = None

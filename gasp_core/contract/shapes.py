@@ -109,7 +109,7 @@ class SphereShape:
         return np.where(length > 0, offset / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
 
 
-SHAPES: dict[str, type[HalfSpace] | type[BoxShape] | type[SphereShape]] = {
+SHAPES: dict[str, type[Shape]] = {
     "plane": HalfSpace,
     "box": BoxShape,
     "sphere": SphereShape,

@@ -21,8 +21,10 @@ import pluggy
 from gasp_core.contract import EngineDescriptor
 
 __all__ = [
+    "COMMAND_VERSION",
     "ENTRY_POINT_GROUP",
     "PROJECT",
+    "RENDERER_VERSION",
     "Command",
     "RendererDescriptor",
     "gasp_commands",
@@ -43,6 +45,13 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 """Marks a plugin's function as the implementation of the hook of its name."""
 
 
+RENDERER_VERSION = (1, 0)
+"""Major, minor, of what a renderer is, `gasp_core.rendering.contract`; another major is refused at discovery."""
+
+COMMAND_VERSION = (1, 0)
+"""Major, minor, of what a command is: a `click.Command` that ends with an exit status, and raises GASP's errors."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RendererDescriptor:
     """A renderer of splats as its plugin registers it; building one imports no backend.
@@ -54,7 +63,7 @@ class RendererDescriptor:
     summary
         One line.
     contract_version
-        The plugin's own copy of the number it was written against, not `CONTRACT_VERSION` imported.
+        The plugin's own copy of the number it was written against, not `RENDERER_VERSION` imported.
     factory
         "package.module:Callable" that returns the renderer.
     """
@@ -77,11 +86,14 @@ class Command:
         One line for ``gasp --help``, so that the help imports nothing of the command's own.
     factory
         "package.module:attribute" that is a `click.Command`.
+    contract_version
+        The plugin's own copy of the number it was written against, not `COMMAND_VERSION` imported.
     """
 
     name: str
     summary: str
     factory: str
+    contract_version: tuple[int, int] = (1, 0)
 
 
 @hookspec

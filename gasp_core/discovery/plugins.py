@@ -12,7 +12,14 @@ import pluggy
 
 from gasp_core.contract import CONTRACT_VERSION, EngineCapabilities, EngineDescriptor
 from gasp_core.discovery import hookspecs
-from gasp_core.discovery.hookspecs import ENTRY_POINT_GROUP, PROJECT, Command, RendererDescriptor
+from gasp_core.discovery.hookspecs import (
+    COMMAND_VERSION,
+    ENTRY_POINT_GROUP,
+    PROJECT,
+    RENDERER_VERSION,
+    Command,
+    RendererDescriptor,
+)
 from gasp_core.discovery.loading import quietly
 from gasp_core.errors import PluginLoadError
 
@@ -112,25 +119,33 @@ def offer_fault(offer: EngineDescriptor | RendererDescriptor | Command) -> str |
         return f"the name {name!r:.60} is not one word of letters, digits and - . _ +"
     if not isinstance(factory, str) or not _FACTORY.fullmatch(factory):
         return f'the factory {factory!r:.60} is not of the form "package.module:attribute"'
-    if isinstance(offer, Command):
-        return None
     if isinstance(offer, EngineDescriptor) and not isinstance(cast(object, offer.capabilities), EngineCapabilities):
         return f"capabilities must be EngineCapabilities, found {offer.capabilities!r:.60}"
-    return _version_fault(offer.contract_version)
+    what, spoken = _spoken(offer)
+    return _version_fault(offer.contract_version, what, spoken)
 
 
-def _version_fault(version: Any) -> str | None:
-    speaks = ".".join(str(part) for part in CONTRACT_VERSION)
+def _spoken(offer: EngineDescriptor | RendererDescriptor | Command) -> tuple[str, tuple[int, int]]:
+    """What such an offer is written against, and in which version this GASP has it."""
+    if isinstance(offer, EngineDescriptor):
+        return "contract", CONTRACT_VERSION
+    if isinstance(offer, RendererDescriptor):
+        return "renderer contract", RENDERER_VERSION
+    return "command contract", COMMAND_VERSION
+
+
+def _version_fault(version: Any, what: str, spoken: tuple[int, int]) -> str | None:
+    speaks = ".".join(str(part) for part in spoken)
     try:
         major, minor = version
     except (TypeError, ValueError):
         major = minor = None
     if type(major) is not int or type(minor) is not int:
-        return f"contract_version must be two whole numbers, e.g. {CONTRACT_VERSION}, found {version!r:.60}"
-    if major == CONTRACT_VERSION[0]:
+        return f"contract_version must be two whole numbers, e.g. {spoken}, found {version!r:.60}"
+    if major == spoken[0]:
         return None
-    behind = "the plugin" if major < CONTRACT_VERSION[0] else "gasp-core"
-    return f"written against contract {major}.{minor}, but this GASP speaks {speaks}: update {behind}"
+    behind = "the plugin" if major < spoken[0] else "gasp-core"
+    return f"written against {what} {major}.{minor}, but this GASP speaks {speaks}: update {behind}"
 
 
 def _hooks(plugin: object) -> pluggy.HookRelay:

@@ -21,6 +21,7 @@ from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
+from gasp_core.stepping.grid import GridAnchor
 
 __all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "before_physics", "matter_turns"]
 __all__ += ["moved_gaussians", "moved_simplices", "shapes"]
@@ -178,7 +179,7 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
-        grid_anchor=(float(x), float(y), float(z)),
+        hints=(GridAnchor(place=(float(x), float(y), float(z))),),
     )
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
 

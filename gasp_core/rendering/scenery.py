@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.errors import RenderingError
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture
 
@@ -141,7 +142,14 @@ def _distances(collider: Collider, origin: Array, rays: Array) -> Array:
     shape, inside = collider.shape, collider.side is Side.INSIDE
     if isinstance(shape, HalfSpace):
         return _plane(shape, origin, rays, sign=-1.0 if inside else 1.0)
-    entry, leave = _box(shape, origin, rays) if isinstance(shape, BoxShape) else _sphere(shape, origin, rays)
+    if isinstance(shape, BoxShape):
+        entry, leave = _box(shape, origin, rays)
+    elif isinstance(shape, SphereShape):
+        entry, leave = _sphere(shape, origin, rays)
+    else:
+        raise RenderingError(
+            f"a collider of kind {shape.kind} cannot be drawn: this GASP draws planes, boxes and spheres"
+        )
     # Matter outside sees the surface where rays go in, matter inside where they go out.
     chosen = leave if inside else entry
     return np.where((entry <= leave) & (chosen > 0), chosen, np.inf)

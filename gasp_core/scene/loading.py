@@ -21,6 +21,7 @@ from gasp_core.contract import (
     Impulse,
     Material,
     Pinned,
+    Shape,
     Side,
     SphereShape,
     Wind,
@@ -34,8 +35,6 @@ from gasp_core.scene.schema import migrated
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
-
-AnyShape = HalfSpace | BoxShape | SphereShape
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
@@ -226,7 +225,7 @@ def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:
     return value
 
 
-def _read_shape(table: Table, *also: str, plane_height: bool = False) -> AnyShape:
+def _read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
     """The shape a table describes; keys in `also` belong to somebody else."""
     shape = table.choice("shape", {"plane": "plane", "box": "box", "sphere": "sphere"})
     if shape == "box":

@@ -108,7 +108,7 @@ class Scene:
                 own,
                 name=engine.name,
                 options={},
-                device=own.device if own.device in can.devices else None,
+                device=own.device if own.device is not None and can.runs_on(own.device) else None,
                 precision=own.precision if own.precision in can.precisions else None,
             )
         return replace(self, engine=replace(own, device=device or own.device, precision=precision or own.precision))

@@ -8,12 +8,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Literal
 
-from gasp_core.contract import (
-    BoxShape,
-    HalfSpace,
-    Material,
-    SphereShape,
-)
+from gasp_core.contract import Material, Shape
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
@@ -169,7 +164,7 @@ class SplatObject:
     angular_velocity: Vector = (0.0, 0.0, 0.0)
     reduction: Reduction = field(default_factory=Reduction)
     min_opacity: float = 0.0
-    region: HalfSpace | BoxShape | SphereShape | None = None
+    region: Shape | None = None
     floaters: Floaters = Floaters.KEEP
     vertices: Literal[3, 4, "auto"] | None = None
     motion: Motion | None = None

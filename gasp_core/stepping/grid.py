@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import ContactCondition, HalfSpace, PointProblem
+from gasp_core.contract.validation import finite_vector
 
-__all__ = ["grid_node"]
+__all__ = ["GridAnchor", "grid_node"]
 
 Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridAnchor:
+    """A hint of a problem: a place [m] that a grid is laid out from instead of the points' middle, see `grid_node`.
+
+    Few points that stand for much matter reach less far than it does: laid out from them, the grid would lie elsewhere
+    for each choice of them.
+    """
+
+    place: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        finite_vector(self, "place")
 
 
 def grid_node(problem: PointProblem, spacing: float) -> Array:
@@ -27,7 +43,8 @@ def grid_node(problem: PointProblem, spacing: float) -> Array:
     """
     positions = problem.points.reference_positions
     middle = (positions.min(axis=0) + positions.max(axis=0)) / 2
-    node = middle if problem.grid_anchor is None else np.array(problem.grid_anchor)
+    anchors = [hint for hint in problem.hints if isinstance(hint, GridAnchor)]
+    node = np.array(anchors[0].place) if anchors else middle
     for axis in range(3):
         for collider in problem.colliders:
             if isinstance(collider.shape, HalfSpace) and abs(abs(collider.shape.normal[axis]) - 1.0) <= 1e-12:

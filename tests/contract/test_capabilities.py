@@ -30,12 +30,15 @@ from gasp_core.contract import (
     Sand,
     SphereShape,
     Wind,
+    device_class,
+    device_index,
 )
 from gasp_core.contract.capabilities import check_supported, needs, unmet
-from gasp_core.errors import UnsupportedSceneError
+from gasp_core.errors import SceneError, UnsupportedSceneError
 
 BALL = SphereShape(center=(0, 0, 0), radius=1)
 FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
+BOX = BoxShape(center=(0, 0, 0), half_extents=(1, 1, 1))
 
 EVERYTHING = EngineCapabilities(
     materials=frozenset({Elastic, Sand, Fluid}),
@@ -51,6 +54,8 @@ EVERYTHING = EngineCapabilities(
     domain_policies=frozenset(DomainPolicy),
     carries_tracers=True,
     checkpoints=True,
+    device_indices=True,
+    material_columns=frozenset({"density"}),
 )
 
 
@@ -68,7 +73,7 @@ SOLID = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.2}
 MATERIALS = (Elastic(**SOLID), Sand(**SOLID), Fluid(density=1.0, bulk_modulus=1.0))
 
 
-def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, **rest):
+def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, columns=None, **rest):
     count = len(material_ids)
     points = PointCloud(
         reference_positions=np.arange(3.0 * count).reshape(count, 3),
@@ -77,15 +82,17 @@ def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, **rest):
         material_ids=np.array(material_ids),
         body_ids=np.array(body_ids),
         tracer_positions=tracers,
+        material_columns=columns or {},
     )
     return PointProblem(points=points, materials=MATERIALS, **rest)
 
 
 FULL = problem(
     tracers=np.zeros((1, 3)),
+    columns={"density": np.array([2.0, math.nan])},
     colliders=(Collider(shape=FLOOR), Collider(shape=BALL, contact=ContactCondition.SLIP)),
-    drives=(Pinned(region=BALL), Impulse(region=BALL)),
-    force_fields=(Wind(velocity=(1, 0, 0)),),
+    drives=(Pinned(region=BOX), Impulse(region=BOX)),
+    force_fields=(Wind(velocity=(1, 0, 0), region=FLOOR),),
     domain=Domain(lower=(0, 0, 0), upper=(1, 1, 1), policy=DomainPolicy.CLAMP),
 )
 ASKED = {
@@ -102,6 +109,8 @@ LESS = {
     'knows no contact "slip" (collider 2)': {"contact_conditions": frozenset({ContactCondition.SEPARATE})},
     'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},
     'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},
+    "knows no plane as a region (force field 1)": {"region_shapes": frozenset({BoxShape})},
+    "has no density that varies from point to point": {"material_columns": frozenset()},
     'knows no domain policy "clamp"': {"domain_policies": frozenset({DomainPolicy.EXPAND})},
     "carries no tracers": {"carries_tracers": False},
     "cannot report deformation_gradients": {"output_fields": frozenset({Field.VELOCITIES})},
@@ -125,7 +134,9 @@ def test_each_capability_that_is_missing_is_refused(refusal):
 
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
-    described = {"conserved", "determinism", "temporal_order", "iterates"}
+    described = {"conserved", "determinism", "temporal_order", "iterates", "unconditionally_stable", "damping"}
+    # No scene asks for a view, and an index is part of a device: below.
+    described |= {"views", "device_indices"}
     tried = {name for less in LESS.values() for name in less}
     assert tried == {field.name for field in dataclasses.fields(EngineCapabilities)} - described
 
@@ -186,3 +197,34 @@ def test_positions_need_no_declaration():
 
 def test_a_drive_that_never_ends_is_no_trouble():
     check_supported(problem(drives=(Driven(region=BALL, end=math.inf),)), engine())
+
+
+def test_one_of_several_devices_of_a_class_is_named_by_its_index():
+    many, one = engine("many"), engine("one", device_indices=False)
+    check_supported(problem(), many, device="cuda:1")
+    for descriptor, device in ((one, "cuda:1"), (many, "cuda:"), (many, "cuda:-1"), (many, "cuda:x"), (many, "tpu:0")):
+        with pytest.raises(UnsupportedSceneError, match=f'does not run on device "{device}"'):
+            check_supported(problem(), descriptor, device=device)
+    assert (device_class("cuda:1"), device_index("cuda:1")) == ("cuda", 1)
+    assert (device_class("cuda"), device_index("cuda")) == ("cuda", None)
+
+
+def test_a_column_stands_for_the_materials_own_number_where_it_is_one():
+    some = problem((0, 1, 2), (0, 0, 0), columns={"density": [math.nan, 3.0, 4.0]})
+    np.testing.assert_array_equal(some.material_values("density"), [1.0, 3.0, 4.0])
+    np.testing.assert_array_equal(some.masses, [1.0, 3.0, 4.0])
+    np.testing.assert_array_equal(problem((0, 2)).masses, [1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"density": [1.0]}, r"density must have shape \(2,\), found \(1,\)"),
+        ({"flavour": [1.0, 1.0]}, "elastic has no flavour"),
+        ({"density": [1.0, -1.0]}, "density of point 1: .*density must be > 0"),
+        ({"poissons_ratio": [0.7, 0.2]}, "poissons_ratio of point 0"),
+    ],
+)
+def test_a_column_of_what_no_material_could_have_is_refused(columns, says):
+    with pytest.raises(SceneError, match=says):
+        problem(columns=columns)

@@ -5,7 +5,7 @@ import pytest
 
 from gasp_core.contract import Collider, ContactCondition, Elastic, HalfSpace, PointCloud, PointProblem
 from gasp_core.errors import SceneError
-from gasp_core.stepping.grid import grid_node
+from gasp_core.stepping.grid import GridAnchor, grid_node
 
 SPACING = 0.1
 
@@ -22,7 +22,7 @@ def problem_with(*colliders, anchor=None):
         ),
         materials=(Elastic(density=1, youngs_modulus=1, poissons_ratio=0.3),),
         colliders=colliders,
-        grid_anchor=anchor,
+        hints=() if anchor is None else (GridAnchor(place=anchor),),
     )
 
 
@@ -52,5 +52,5 @@ def test_from_the_anchor_where_there_is_one_but_for_planes():
 
 
 def test_an_anchor_that_is_no_place():
-    with pytest.raises(SceneError, match="grid_anchor"):
+    with pytest.raises(SceneError, match=r"GridAnchor\.place"):
         problem_with(anchor=(0.0, float("nan"), 0.0))
