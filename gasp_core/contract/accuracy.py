@@ -31,8 +31,8 @@ class EngineAccuracy:
     solver_tolerance
         Relative, for engines that iterate.
     iteration_limit
-        Of one solve, for engines that iterate: what has not converged then ends with `Status.NOT_CONVERGED`. None: the
-        engine's own.
+        Of one solve, for engines that iterate; one that cannot go on with what it has by then ends with
+        `Status.NOT_CONVERGED`. None: the engine's own.
     substep_limit
         Largest number of substeps for one frame: what would cost more ends with `Status.SUBSTEP_LIMIT`.
     spacing

@@ -102,12 +102,15 @@ class SteppedSession(ABC, Generic[Held]):
             warnings = [*self._notes, *warnings]
             self._notes = ()
         sizes = [size for _, size in self._steps]
+        iterations, residual = self.solver_figures()
         return StepReport(
             status=status,
             substep_count=self._taken,
             smallest_substep=min(sizes, default=0.0),
             largest_substep=max(sizes, default=0.0),
             warnings=(*warnings, *self.warnings()),
+            solver_iterations=iterations,
+            solver_residual=residual,
         )
 
     def _stretch(self, landing: float, end: float) -> None:
@@ -119,6 +122,10 @@ class SteppedSession(ABC, Generic[Held]):
         while self._time < landing:
             self.step_toward(landing, end)
             self.check_state(self._steps[-1][1])
+
+    def solver_figures(self) -> tuple[int, float | None]:
+        """Iterations of all solves of this advance, and the largest relative residual that one of them ended with."""
+        return 0, None
 
     @abstractmethod
     def step_toward(self, landing: float, end: float) -> None:

@@ -42,7 +42,7 @@ class MujocoSession(SteppedSession[Motion]):
         self._size = model.units.length
         self._side = min((float(cage.lattice.sides.min()) for cage in model.cages), default=math.inf)
         self._smallest = min([self._side, *(float(np.cbrt(one.matter.volumes.sum())) for one in model.bodies)])
-        motion = Motion(problem, model, accuracy.solver_tolerance)
+        motion = Motion(problem, model, accuracy)
         time = 0.0 if restart is None else _restored(motion, restart)
         notes = [note] if note and restart is None else []
         super().__init__(problem, motion, engine="mujoco-flex", accuracy=accuracy, time=time, notes=notes)
@@ -51,6 +51,11 @@ class MujocoSession(SteppedSession[Motion]):
     def begin_advance(self, end: float) -> None:
         """See `SteppedSession`."""
         self._span = end - self._time
+        self.held().iterations = 0
+
+    def solver_figures(self) -> tuple[int, float | None]:
+        """See `SteppedSession`; MuJoCo's own measure of what is left is no relative one."""
+        return self.held().iterations, None
 
     def warnings(self) -> list[str]:
         """See `SteppedSession`."""

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import ContactCondition, Driven, Impulse, PointProblem, Wind
+from gasp_core.contract import ContactCondition, Driven, EngineAccuracy, Impulse, PointProblem, Wind
 from gasp_mujoco_flex.embedding import carry_rigidly
 from gasp_mujoco_flex.external_forces import blow, strike
 from gasp_mujoco_flex.kinematic_constraints import TOUCH, Grip, grips, sticking
@@ -39,11 +39,11 @@ class Motion:
         The scene.
     model
         Of it.
-    tolerance
-        Relative, of what is iterated.
+    accuracy
+        Tolerance and bound of what is iterated.
     """
 
-    def __init__(self, problem: PointProblem, model: Model, tolerance: float) -> None:
+    def __init__(self, problem: PointProblem, model: Model, accuracy: EngineAccuracy) -> None:
         self._problem = problem
         self._model = model
         self._state = State(model)
@@ -52,7 +52,10 @@ class Motion:
         self._stuck = np.zeros(model.nodes, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
-        model.mj.opt.tolerance = tolerance * (_FACTORED if model.factored else _ITERATED)
+        model.mj.opt.tolerance = accuracy.solver_tolerance * (_FACTORED if model.factored else _ITERATED)
+        if accuracy.iteration_limit is not None:
+            model.mj.opt.iterations = accuracy.iteration_limit
+        self.iterations = 0
         self._gentle = [
             (references, gentle)
             for references, gentle in (
@@ -111,6 +114,7 @@ class Motion:
         """Let MuJoCo take the step; what went wrong, or nothing."""
         try:
             mujoco.mj_step(self._model.mj, self._state.data)
+            self.iterations += int(self._state.data.solver_niter.sum())
         except mujoco.FatalError as error:
             return f"MuJoCo gave up: {' '.join(str(error).split())}"
         return ""

@@ -355,3 +355,19 @@ def test_a_body_cannot_be_rigid_and_soft(block, opened):
     mixed = replace(problem, materials=(SOFT, RIGID), points=replace(problem.points, material_ids=ids))
     with pytest.raises(SceneError, match="partly rigid and partly soft"):
         opened(mixed)
+
+
+def test_what_the_solver_did_is_in_the_report_and_can_be_bounded(block, opened):
+    """A block that lands: contact is solved by iteration, more of it with more allowed."""
+    floor = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.5)
+    problem = block(SOFT, (4, 4, 4), colliders=(floor,))
+    counted = []
+    for limit in (1, None):
+        accuracy = EngineAccuracy(spacing=0.1, substep=0.005, iteration_limit=limit)
+        with MujocoFlex().open(problem, accuracy=accuracy) as session:
+            report = session.advance_to(0.5)
+            assert report.solver_residual is None
+            assert session.advance_to(0.5).solver_iterations == 0
+        counted.append((report.solver_iterations, report.substep_count))
+    (few, steps), (many, _) = counted
+    assert 0 < few <= steps < many

@@ -1,0 +1,1 @@
+"""A point engine for GASP."""
