@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Collider, ContactCondition, Drive, Driven, Impulse, Side
+from gasp_core.contract import Collider, ContactCondition, Drive, Driven, Side
+from gasp_core.stepping.forcing import drives_at, rotation_matrix
 
-__all__ = ["TOUCH", "Grip", "grips", "rotation", "sticking"]
+__all__ = ["TOUCH", "Grip", "grips", "sticking"]
 
 Array = NDArray[Any]
 
@@ -64,20 +65,18 @@ class Grip:
 def grips(drives: Sequence[Drive], time: float, step: float) -> list[Grip]:
     """Those of the drives that hold something during the step [s] from `time` [s]."""
     found: list[Grip] = []
-    for drive in drives:
-        if isinstance(drive, Impulse) or not drive.start <= time < drive.end:
-            continue
+    for drive in drives_at(drives, time):
         velocity, spin, centre = np.zeros(3), np.zeros(3), np.zeros(3)
         if isinstance(drive, Driven):
             velocity, spin, centre = (np.array(v) for v in (drive.velocity, drive.angular_velocity, drive.center))
         before = centre + velocity * (time - drive.start)
         after = before + velocity * step
-        turn = rotation(spin * step)
+        turn = rotation_matrix(spin * step)
         found.append(
             Grip(
                 drive=drive,
                 arm=before,
-                unturn=rotation(spin * (time - drive.start)),
+                unturn=rotation_matrix(spin * (time - drive.start)),
                 turn=turn,
                 shift=after - turn @ before,
                 middle=after,
@@ -96,13 +95,3 @@ def sticking(colliders: Sequence[Collider], places: Array, room: float) -> Array
             sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
             touching |= sign * collider.shape.signed_distance(places) <= room
     return touching
-
-
-def rotation(vector: Array) -> Array:
-    """Rotation matrix (3, 3) about an axis by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = np.asarray(vector) / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross

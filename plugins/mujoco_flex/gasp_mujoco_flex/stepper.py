@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import ContactCondition, Driven, EngineAccuracy, Impulse, PointProblem, Wind
+from gasp_core.stepping.forcing import force_fields_at
 from gasp_mujoco_flex.embedding import carry_rigidly
 from gasp_mujoco_flex.external_forces import blow, strike
 from gasp_mujoco_flex.kinematic_constraints import TOUCH, Grip, grips, sticking
@@ -80,7 +81,7 @@ class Motion:
             references[gentle] = (-1e-12, -1.0 / mj.opt.timestep)
         self._begun = True
         if self._problem.force_fields:
-            winds = [one for one in self._problem.force_fields if isinstance(one, Wind) and one.start <= time < one.end]
+            winds = [one for one in force_fields_at(self._problem.force_fields, time) if isinstance(one, Wind)]
             blow(winds, self._model, self._state, step)
         active = grips(self._problem.drives, time, step)
         if not active and not self._sticky:

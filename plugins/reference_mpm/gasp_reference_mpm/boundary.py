@@ -7,7 +7,6 @@ velocities.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,20 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import (
-    BoxShape,
     Collider,
     ContactCondition,
     Domain,
     Drive,
-    Driven,
     ForceField,
-    HalfSpace,
-    Impulse,
     Side,
     Wind,
 )
+from gasp_core.stepping.forcing import drives_at, force_fields_at, position_at_start, prescribed_velocities, walls_of
 
-__all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "rotation"]
+__all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside"]
 
 Array = NDArray[Any]
 
@@ -36,13 +32,11 @@ TOUCH = 1e-3
 """In cells: a node this near to a surface counts as on it, so that one lying exactly on a plane does so whatever way
 its coordinates were rounded."""
 
-_OUTWARD = np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0], [0, 0, -1.0], [0, 0, 1.0]])
-
 
 def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time: float, step: float) -> Array:
     """Drag towards the air's velocity, dv/dt = k (u - v), implicit in v: never overshoots however strong the wind."""
-    for wind in winds:
-        if not isinstance(wind, Wind) or not wind.start <= time < wind.end:
+    for wind in force_fields_at(winds, time):
+        if not isinstance(wind, Wind):
             continue
         relaxed = (velocities + step * wind.drag * np.asarray(wind.velocity)) / (1 + step * wind.drag)
         if wind.region is None:
@@ -53,52 +47,23 @@ def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time
     return velocities
 
 
-def rotation(rotation_vector: Array) -> Array:
-    """Rotation matrix (3, 3) about an axis by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(rotation_vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = np.asarray(rotation_vector) / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-
-
 def driven(velocities: Array, positions: Array, drives: Sequence[Drive], time: float, spacing: float) -> Array:
     """Prescribed velocity in the regions of drives that are active; the regions have moved with their drive."""
-    for drive in drives:
-        if isinstance(drive, Impulse) or not drive.start <= time < drive.end:
-            continue
-        prescribed = np.zeros_like(velocities)
-        seen_from_region = positions
-        if isinstance(drive, Driven):
-            elapsed = time - drive.start
-            spin, center = np.asarray(drive.angular_velocity), np.asarray(drive.center)
-            arm = positions - (center + np.asarray(drive.velocity) * elapsed)
-            prescribed = np.asarray(drive.velocity) + np.cross(spin, arm)
-            seen_from_region = arm @ rotation(spin * elapsed) + center
-        inside = drive.region.signed_distance(seen_from_region) <= TOUCH * spacing
-        velocities = np.where(inside[:, None], prescribed, velocities)
+    for drive in drives_at(drives, time):
+        inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= TOUCH * spacing
+        velocities = np.where(inside[:, None], prescribed_velocities(drive, time, positions), velocities)
     return velocities
 
 
 def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:
     """Contact conditions at nodes on or behind the surface of each collider, in the order given."""
-    for wall in itertools.chain.from_iterable(map(_walls, colliders)):
+    for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
         touching = sign * wall.shape.signed_distance(positions) <= TOUCH * spacing
         normal = sign * wall.shape.outward_normal(positions[touching])
         velocities = velocities.copy()
         velocities[touching] = _after_contact(velocities[touching], normal, wall)
     return velocities
-
-
-def _walls(collider: Collider) -> Sequence[Collider]:
-    """A box seen from inside is six walls: on its edges two of them hold, in its corners three."""
-    if not (isinstance(collider.shape, BoxShape) and collider.side is Side.INSIDE):
-        return [collider]
-    center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
-    faces = [HalfSpace(point=tuple(center + half * out), normal=tuple(-out)) for out in _OUTWARD]
-    return [Collider(shape=face, contact=collider.contact, friction=collider.friction) for face in faces]
 
 
 def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Array:

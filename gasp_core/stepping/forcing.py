@@ -1,0 +1,99 @@
+"""What acts on matter at a time, worked out once for every engine that steps: windows, moved regions, walls."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import BoxShape, Collider, Drive, Driven, ForceField, HalfSpace, Impulse, PointProblem, Side
+
+__all__ = [
+    "drives_at",
+    "force_fields_at",
+    "position_at_start",
+    "prescribed_velocities",
+    "problem_fingerprint",
+    "rotation_matrix",
+    "walls_of",
+]
+
+Array = NDArray[Any]
+
+_OUTWARD = np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0], [0, 0, -1.0], [0, 0, 1.0]])
+
+
+def force_fields_at(force_fields: Iterable[ForceField], time: float) -> list[ForceField]:
+    """Those that act at a time [s]: from their start on, at their end no more."""
+    return [force for force in force_fields if force.start <= time < force.end]
+
+
+def drives_at(drives: Iterable[Drive], time: float) -> list[Drive]:
+    """Those that hold matter at a time [s], in the order given; impulses hold nothing."""
+    return [drive for drive in drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end]
+
+
+def rotation_matrix(rotation_vector: Array) -> Array:
+    """Rotation (3, 3) about an axis by its length [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(rotation_vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(rotation_vector) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
+    """Where places (N, 3) [m] at a time [s] were when a drive began, had they gone with it.
+
+    The region of a drive moves with it: a place is in it where the place it came from is in `drive.region`.
+    """
+    if not isinstance(drive, Driven):
+        return positions
+    elapsed = time - drive.start
+    center = np.asarray(drive.center)
+    arms = positions - (center + np.asarray(drive.velocity) * elapsed)
+    return arms @ rotation_matrix(np.asarray(drive.angular_velocity) * elapsed) + center
+
+
+def prescribed_velocities(drive: Drive, time: float, positions: Array) -> Array:
+    """Velocities (N, 3) [m/s] that a drive gives to matter at these places (N, 3) [m] at a time [s]."""
+    if not isinstance(drive, Driven):
+        return np.zeros_like(positions)
+    arms = positions - (np.asarray(drive.center) + np.asarray(drive.velocity) * (time - drive.start))
+    return np.asarray(drive.velocity) + np.cross(np.asarray(drive.angular_velocity), arms)
+
+
+def walls_of(collider: Collider) -> Sequence[Collider]:
+    """A box seen from inside as its six walls: on its edges two of them hold, in its corners three; others as they are.
+
+    The gradient of a hollow box's signed distance knows only the nearest wall, so that matter in an edge would be held
+    by one and pass through the other.
+    """
+    if not (isinstance(collider.shape, BoxShape) and collider.side is Side.INSIDE):
+        return [collider]
+    center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
+    faces = [HalfSpace(point=tuple(center + half * out), normal=tuple(-out)) for out in _OUTWARD]
+    return [Collider(shape=face, contact=collider.contact, friction=collider.friction) for face in faces]
+
+
+def problem_fingerprint(problem: PointProblem) -> str:
+    """SHA-256 of all that a problem says, to the last bit, but for its hints: what a checkpoint may be known by."""
+    digest = hashlib.sha256()
+    for field in dataclasses.fields(problem.points):
+        value = getattr(problem.points, field.name)
+        columns = sorted(value.items()) if isinstance(value, dict) else [(field.name, value)]
+        for name, array in columns:
+            if array is not None:
+                digest.update(f"{field.name} {name} {array.dtype.str} {array.shape};".encode())
+                digest.update(np.ascontiguousarray(array).tobytes())
+    for field in dataclasses.fields(problem):
+        if field.name not in ("points", "hints"):
+            # Frozen dataclasses of numbers, whose repr has every digit.
+            digest.update(f"{field.name} {getattr(problem, field.name)!r};".encode())
+    return digest.hexdigest()
