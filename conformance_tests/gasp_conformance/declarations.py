@@ -36,9 +36,12 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         ("device", can.devices),
         ("precision", (one for one in can.precisions if one is not precision)),
         ("domain", can.domain_policies),
+        ("view", can.views),
+        ("material-column", can.material_columns),
     ]
     names = [f"{kind}:{word}" for kind, items in kinds for word in sorted(_word(item) for item in items)]
-    return names + [name for name, has in (("checkpoints", can.checkpoints), ("tracers", can.carries_tracers)) if has]
+    flags = {"checkpoints": can.checkpoints, "tracers": can.carries_tracers, "device-indices": can.device_indices}
+    return names + [name for name, has in flags.items() if has]
 
 
 def unproven(names: Iterable[str], results: Sequence[CheckResult], left_out: Iterable[str]) -> tuple[Unproven, ...]:

@@ -6,7 +6,7 @@ import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,9 @@ from gasp_core.contract import (
     PointCloud,
     PointProblem,
     PointState,
+    Rigid,
     Status,
+    ViewingSession,
 )
 
 __all__ = [
@@ -151,7 +153,10 @@ def flown_velocities(subject: Subject) -> Velocities:
     forward = (after.positions - now.positions) / tick
     backward = (now.positions - before.positions) / tick
     resolution = place_rounding(subject, 0, float(np.abs(now.positions).max()), 0.0) / tick
-    starts = [_apart(first.velocities, given), _apart(start.velocities, block.points.initial_velocities)]
+    starts = [_apart(first.velocities, given)]
+    # What is rigid has of a sway only what moves it as a whole.
+    if not isinstance(block.materials[0], Rigid):
+        starts.append(_apart(start.velocities, block.points.initial_velocities))
     return Velocities(
         start=max(starts),
         start_allowed=speed * rounding(subject, 0),
@@ -372,3 +377,34 @@ def tracers_carried(subject: Subject) -> Carried:
         swelling = 2 * problem.materials[0].density * (rate * 0.35) ** 2 / stiffness
         allowed.append(reach * (rate**2 * time * journal.largest_substep / 2 + swelling) + rounded)
     return Carried(uniform=errors[0], uniform_allowed=allowed[0], turning=errors[1], turning_allowed=allowed[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """What a session hands out on its device, against what it reads out.
+
+    Parameters
+    ----------
+    misshapen
+        Numbers more or fewer than were read, over all looks.
+    apart
+        Largest difference, over the largest number that was read.
+    """
+
+    misshapen: int
+    apart: float
+
+
+def viewed(subject: Subject, field: Field) -> View:
+    """A block that sways, looked at where it is at the start and after each of three advances."""
+    misshapen, apart = 0, 0.0
+    with subject.open(swaying_block(subject), _ACCURACY, frozenset({field})) as session:
+        for time in (0.0, 0.01, 0.025, 0.04):
+            session.advance_to(time)
+            read: Array = getattr(finite_state(session, frozenset({field})), field.value)
+            seen = np.from_dlpack(cast(ViewingSession, session).view(field)).astype(np.float64)
+            if seen.shape != read.shape:
+                misshapen += abs(seen.size - read.size) or 1
+                continue
+            apart = max(apart, float(np.abs(seen - read).max()) / max(float(np.abs(read).max()), 1e-300))
+    return View(misshapen=misshapen, apart=apart)

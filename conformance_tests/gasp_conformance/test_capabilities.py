@@ -51,6 +51,7 @@ from gasp_core.contract import (
     SphereShape,
     Status,
     Wind,
+    device_class,
 )
 from gasp_core.errors import EngineEnvironmentError
 
@@ -66,7 +67,9 @@ SHOWN = {
     *(f"conserved:{quantity.value}" for quantity in Quantity),
     *(f"domain:{policy.value}" for policy in DomainPolicy),
     *(f"precision:{precision.value}" for precision in Precision),
+    *(f"view:{field.value}" for field in (Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS)),
     "checkpoints",
+    "device-indices",
     "tracers",
 }
 """Names of the checks below; devices have theirs by their names."""
@@ -591,6 +594,32 @@ def test_tracers(subject: Subject, ledger: Ledger) -> None:
     ledger.at_most("tracers", "error in a turning block [m]", found.turning, found.turning_allowed)
 
 
+@check("view:positions", Level.CAPABILITY)
+def test_view_of_positions(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """Positions seen on the device are those that are read."""
+    _seen_as_read(subject, ledger, need, Field.POSITIONS)
+
+
+@check("view:velocities", Level.CAPABILITY)
+def test_view_of_velocities(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """Velocities seen on the device are those that are read."""
+    _seen_as_read(subject, ledger, need, Field.VELOCITIES)
+
+
+@check("view:deformation_gradients", Level.CAPABILITY)
+def test_view_of_deformation_gradients(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """Deformation gradients seen on the device are those that are read."""
+    _seen_as_read(subject, ledger, need, Field.DEFORMATION_GRADIENTS)
+
+
+def _seen_as_read(subject: Subject, ledger: Ledger, need: Need, field: Field) -> None:
+    need(field in subject.descriptor.capabilities.views, f"a view of {field.value}")
+    found = readout_cases.viewed(subject, field)
+    ledger.at_most("view", "rows or numbers too few or too many", found.misshapen, 0)
+    # The same numbers in the session's precision, or rounded to it once more.
+    ledger.at_most("view", f"distance of {field.value} from what is read, relative", found.apart, rounding(subject, 1))
+
+
 def center_bound(subject: Subject) -> float:
     """Of linear momentum, in either precision: verification's figures."""
     return 1e-12 if subject.is_double else 1e-5
@@ -660,6 +689,13 @@ def test_device(subject: Subject, ledger: Ledger, device: str) -> None:
         if device == subject.device:
             raise
         pytest.skip(f"{ABSENT}: {error}")
+
+
+@check("device-indices", Level.CAPABILITY)
+def test_device_indices(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """The first device of the class that this run is on, named by its index, is the same device."""
+    need(subject.descriptor.capabilities.device_indices, "devices by their index")
+    falls(ledger, replace(subject, device=f"{device_class(subject.device)}:0"), "device by its index")
 
 
 @check("precision:float32", Level.CAPABILITY)

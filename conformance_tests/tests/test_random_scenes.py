@@ -469,6 +469,7 @@ def sick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Subject]:
     discover.cache_clear()
 
 
+@pytest.mark.thorough
 def test_a_hang_and_a_crash_are_told_by_number_and_the_rest_goes_on(sick: Subject) -> None:
     outcomes = run_batch(sick, 0, 5, hung_after=HUNG_AFTER)
     assert [outcome.number for outcome in outcomes] == [0, 1, 2, 3, 4, 5]

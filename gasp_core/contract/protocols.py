@@ -58,7 +58,10 @@ class EngineSession(Protocol):
 
 
 class ViewingSession(EngineSession, Protocol):
-    """A session that hands out its state where it is, for engines that declare `EngineCapabilities.views`."""
+    """A session that hands out its state where it is, for engines that declare `EngineCapabilities.views`.
+
+    One that runs in a process of its own has none to hand out: it can be read.
+    """
 
     def view(self, field: Field) -> Any:
         """A field as an array on the session's device, of the engine's own precision, rows in the order given.

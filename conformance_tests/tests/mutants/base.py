@@ -58,6 +58,9 @@ class Session:
     def read(self, fields: frozenset[Field]) -> PointState:
         return self.inner.read(fields)
 
+    def view(self, field: Field) -> Any:
+        return self.inner.view(field)
+
     def checkpoint(self) -> Mapping[str, Array]:
         return self.inner.checkpoint()
 

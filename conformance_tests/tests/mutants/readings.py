@@ -250,3 +250,15 @@ class TracersStraight(Mutant):
     """All tracers go with the cloud's mean."""
 
     session = CarryingAlike
+
+
+class Unsorted(Session):
+    def view(self, field: Field) -> Array:
+        return self.inner.view(field)[::-1]
+
+
+@mutant("views-in-its-own-order", {"view:positions": "distance of positions"})
+class ViewsInItsOwnOrder(Mutant):
+    """What it hands out on the device is in the order that it keeps, not in the one that was given."""
+
+    session = Unsorted

@@ -51,6 +51,7 @@ CAPABILITIES = EngineCapabilities(
     temporal_order=2.0,
     carries_tracers=True,
     checkpoints=True,
+    views=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
 )
 
 
@@ -61,7 +62,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="reference-mpm",
             summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
-            contract_version=(1, 0),
+            contract_version=(1, 1),
             capabilities=CAPABILITIES,
             factory="gasp_reference_mpm.engine:ReferenceMpm",
         )

@@ -76,6 +76,19 @@ class ReferenceSession(SteppedSession[Motion]):
             tracer_positions=motion.tracers + self._origin if traced else None,
         )
 
+    def view(self, field: Field) -> Array:
+        """A field where it is, see `gasp_core.contract.ViewingSession`; positions are kept from the grid's origin."""
+        motion = self.held()
+        match field:
+            case Field.POSITIONS:
+                return motion.positions + self._origin
+            case Field.VELOCITIES:
+                return motion.velocities
+            case Field.DEFORMATION_GRADIENTS:
+                return motion.deformations
+            case Field.TRACER_POSITIONS:
+                return motion.tracers + self._origin
+
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
         motion = self.held()
