@@ -101,8 +101,8 @@ class Meeting:
                 parts.append(self._contacts(int(one), int(other), places, velocities, step))
         if sum(len(part[0]) for part in parts) == 0:
             return None
-        found = [np.concatenate(columns) for columns in zip(*parts)]
-        return self._resolved(*found, places.copy(), velocities.copy())
+        first, second, third, fourth, fifth = (np.concatenate(columns) for columns in zip(*parts))
+        return self._resolved(first, second, third, fourth, fifth, places.copy(), velocities.copy())
 
     def _found(self, one: int, other: int, places: Array) -> tuple[Array, Array, Array, Array]:
         """Nodes of one body in voxels of another: rows, voxels, places in them (K, 3) in 0 to 1, and d(those)/dx."""

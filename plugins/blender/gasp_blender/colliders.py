@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
 from gasp_core.errors import SceneError
 
 __all__ = ["wall_of"]
@@ -43,6 +43,8 @@ def wall_of(collider: Collider, size: float) -> Iterator[Array]:
             for way in (-1.0, 1.0):
                 outward = way * np.eye(3)[axis]
                 yield _slab(center + outward * half, -outward, 4 * float(half.max()) + 4 * size)
+    elif not isinstance(shape, SphereShape):
+        raise SceneError(f"blender knows no {shape.kind} as a collider of rigid bodies: use a plane, a box or a sphere")
     elif inside:
         raise SceneError("blender keeps no rigid body within a ball: use a box, or make the body elastic")
     else:

@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo makes its names when it is imported; no stub lists them.
 """Colliders as shapes that MuJoCo knows."""
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.errors import SceneError
 from gasp_mujoco_flex.units import Units
 
 __all__ = ["HOLLOW_DIRECTIONS", "geoms_of"]
@@ -56,6 +59,8 @@ def geoms_of(collider: Collider, units: Units) -> Iterator[dict[str, Any]]:
                 "pos": units.place(np.asarray(shape.center)),
                 "size": [shape.radius / units.length, 0.0, 0.0],
             }
+        case _:
+            raise SceneError(f"mujoco-flex knows no {shape.kind} as a collider: use a plane, a box or a sphere")
 
 
 def _plane(point: Any, normal: Array, units: Units) -> dict[str, Any]:

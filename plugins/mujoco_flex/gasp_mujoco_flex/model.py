@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo makes its names when it is imported; no stub lists them.
 """From cages, rigid bodies and colliders to MuJoCo's model of them."""
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ __all__ = ["Model", "build_model"]
 Array = NDArray[Any]
 
 # Without one, MuJoCo writes a log into the working folder. What it warns of is read from its counters instead.
-mujoco.set_mju_user_warning(lambda text: None)
+mujoco.set_mju_user_warning(lambda _: None)  # pyright: ignore[reportUnknownLambdaType]
 
 _FIRM = (1e-9, 1.0)
 """MuJoCo raises the time constant of a contact to two steps: penetration is gone after some of them."""

@@ -116,8 +116,8 @@ def merged_boxes(occupied: Array) -> Array:
     while left.any():
         x, y, z = (int(index) for index in np.unravel_index(int(np.argmax(left)), left.shape))
         end_z = z + _run(left[x, y, z:])
-        end_y = y + _run(left[x, y:, z:end_z].all(axis=1))
-        end_x = x + _run(left[x:, y:end_y, z:end_z].all(axis=(1, 2)))
+        end_y = y + _run(np.all(left[x, y:, z:end_z], axis=1))
+        end_x = x + _run(np.all(left[x:, y:end_y, z:end_z], axis=(1, 2)))
         left[x:end_x, y:end_y, z:end_z] = False
         boxes.append(((x, y, z), (end_x, end_y, end_z)))
     return np.array(boxes).reshape(-1, 2, 3)

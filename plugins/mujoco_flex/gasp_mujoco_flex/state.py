@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo makes its names when it is imported; no stub lists them.
 """MuJoCo's state in metres: the nodes of all cages, and how each rigid body lies and moves."""
 
 from __future__ import annotations

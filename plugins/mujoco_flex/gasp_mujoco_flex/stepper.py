@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo makes its names when it is imported; no stub lists them.
 """A running scene: one step with all that acts on it, and the points that follow."""
 
 from __future__ import annotations

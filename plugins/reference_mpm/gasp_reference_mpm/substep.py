@@ -53,7 +53,7 @@ def substep(
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         # One that nothing moves may stay outside.
         inside = np.clip(tracers, problem.domain.lower - origin, problem.domain.upper - origin)
-        tracers = np.where(carrying.any(axis=1)[:, None], inside, tracers)
+        tracers = np.where(np.any(carrying, axis=1)[:, None], inside, tracers)
     moved = Motion(
         positions=motion.positions + step * point_velocities,
         velocities=point_velocities,

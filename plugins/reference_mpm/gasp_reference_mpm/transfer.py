@@ -200,7 +200,7 @@ def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocitie
     # What is too far away to be counted in cells is as far as anything outside the box.
     base, _, along = _splines(np.clip(places / spacing, stencil.corner - 9.0, stencil.corner + box + 9.0))
     node = (base - stencil.corner)[:, None, :] + _NEIGHBOURS
-    within = ((node >= 0) & (node < box)).all(axis=2)
+    within: Array = np.all((node >= 0) & (node < box), axis=2)
     node = np.where(within[..., None], node, 0)
     size = int(np.prod(box))
     place = np.zeros(size, dtype=np.int64)
@@ -230,4 +230,4 @@ def reaching(stencil: Stencil, nodes: Array) -> Array:
     """Mask (N,) of the points that speak to any of these nodes, flat indices (K,)."""
     marked = np.zeros(int(np.prod(stencil.shape)), dtype=np.bool_)
     marked[nodes] = True
-    return (marked[stencil.nodes] & (stencil.weights > 0)).any(axis=1)
+    return np.any(marked[stencil.nodes] & (stencil.weights > 0), axis=1)

@@ -11,6 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.errors import RenderingError
 from gasp_core.gaussians import rotation_quaternions
 from gasp_viewer.colouring import round_up
 from gasp_viewer.display_units import SIZE, Stage
@@ -60,6 +61,8 @@ def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Sta
                     cast_shadow=False,
                     receive_shadow=False,
                 )
+            case _:
+                raise RenderingError(f"a collider of kind {collider.shape.kind} cannot be shown")
 
 
 def grid_cell(stage: Stage) -> float:

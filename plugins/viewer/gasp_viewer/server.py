@@ -6,7 +6,7 @@ import errno
 import ipaddress
 import logging
 import socket
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 import rich
@@ -66,7 +66,7 @@ def page_address(host: str, port: int) -> str:
 
 
 @contextmanager
-def serving(host: str, port: int, title: str) -> Iterator[viser.ViserServer]:
+def serving(host: str, port: int, title: str) -> Generator[viser.ViserServer]:
     """A server on a host and port that are free; stopped at the end."""
     console = rich.get_console()
     was_quiet = console.quiet
