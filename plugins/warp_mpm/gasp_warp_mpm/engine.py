@@ -9,7 +9,7 @@ from typing import Any
 from gasp_mpm_host.session import MpmSession
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision, device_class
 from gasp_core.stepping.threads import ThreadOptions
 from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_warp_mpm import runtime
@@ -44,7 +44,7 @@ class WarpMpm:
         accuracy = EngineAccuracy() if accuracy is None else accuracy
         options = ThreadOptions() if options is None else options
         refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
-        on_gpu = device == "cuda"
+        on_gpu = device_class(device) == "cuda"
         build = partial(
             Cloud,
             device=runtime.device_for(device),

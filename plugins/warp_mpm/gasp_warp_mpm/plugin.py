@@ -42,7 +42,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="warp-mpm",
             summary="Explicit MLS-MPM in NVIDIA Warp: sorted points, coloured scatter; CPU and CUDA",
-            contract_version=(1, 0),
+            contract_version=(1, 1),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
@@ -58,6 +58,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 temporal_order=2.0,
                 carries_tracers=True,
                 checkpoints=True,
+                device_indices=True,
             ),
             factory="gasp_warp_mpm.engine:WarpMpm",
             options=ThreadOptions,

@@ -13,6 +13,7 @@ from typing import Any
 
 import warp
 
+from gasp_core.contract import device_class, device_index
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 __all__ = ["capture", "device_for", "load", "yield_address"]
@@ -59,19 +60,27 @@ def device_for(device: str) -> Any:
     Raises
     ------
     SceneError
-        For a device that is neither "cpu" nor "cuda".
+        For a device that is neither "cpu" nor "cuda", or of an index that no CPU has.
     EngineEnvironmentError
-        Where there is no CUDA GPU.
+        Where there is no CUDA GPU, or none of that index.
     """
-    if device not in ("cpu", "cuda"):
+    kind, index = device_class(device), device_index(device)
+    if kind not in ("cpu", "cuda") or (kind == "cpu" and index not in (None, 0)):
         raise SceneError(f'engine warp-mpm has no device {device!r}: use "cpu" or "cuda"')
     with _quiet():
-        with _without_talk_of_drivers() if device == "cpu" else contextlib.nullcontext():
+        with _without_talk_of_drivers() if kind == "cpu" else contextlib.nullcontext():
             warp.init()
-        if device == "cuda" and not warp.is_cuda_available():
+        if kind == "cpu":
+            return warp.get_device("cpu")
+        if not warp.is_cuda_available():
             raise EngineEnvironmentError(
-                'engine warp-mpm: device "cuda" was asked for, but Warp finds no CUDA GPU here: use device "cpu",'
+                f'engine warp-mpm: device "{device}" was asked for, but Warp finds no CUDA GPU here: use device "cpu",'
                 " or install a CUDA driver"
+            )
+        count = int(warp.get_cuda_device_count())
+        if index is not None and index >= count:
+            raise EngineEnvironmentError(
+                f'engine warp-mpm: device "{device}" was asked for, but the last CUDA GPU here is cuda:{count - 1}'
             )
         return warp.get_device(device)
 

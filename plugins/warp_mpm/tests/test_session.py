@@ -3,9 +3,13 @@
 import subprocess
 import sys
 
+import pytest
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.testing import SessionTests, TracerTests
 from gasp_mpm_host.testing.kit import falling
+from gasp_warp_mpm import runtime
+
+from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
 class TestSession(SessionTests):
@@ -35,3 +39,21 @@ def test_an_unsolicited_word_is_never_printed():
 def test_plugin_imports_no_backend():
     code = "import sys, gasp_warp_mpm.plugin as p; p.gasp_point_engines(); sys.exit('warp' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("device", ["cuda:0", "cuda:7"])
+def test_a_gpu_named_by_its_index_that_is_not_there_is_said_so(device):
+    import warp
+
+    runtime.device_for("cpu")
+    if warp.is_cuda_available():
+        pytest.skip("there is a GPU")
+    with pytest.raises(EngineEnvironmentError, match=f'device "{device}" was asked for, but Warp finds no CUDA GPU'):
+        runtime.device_for(device)
+
+
+def test_the_cpu_is_one_device():
+    assert runtime.device_for("cpu:0") == runtime.device_for("cpu")
+    for device in ("cpu:1", "tpu", "cuda7"):
+        with pytest.raises(SceneError, match=f"has no device '{device}'"):
+            runtime.device_for(device)
