@@ -1,8 +1,8 @@
 """The proof that an engine can be written outside this repository, with built wheels alone.
 
 `python conformance_tests/tests/template_outside.py` does in a temporary folder what docs/writing_an_engine.md says, by
-the very commands that are printed there: copies and renames the reference engine, builds the wheels of core, suite and
-engine, installs them into an environment that holds nothing else, and runs the suite. Before that last command
+the very commands that are printed there: builds the wheels of core and suite, installs them into an environment that
+holds nothing else, begins an engine there and installs it, and runs the suite. Before that last command
 everything but the environment is deleted, so that only what the wheels brought can be used.
 
 Dependencies are installed by the wheels' own metadata, in the versions of requirements.lock: a requirement that is

@@ -13,27 +13,53 @@ Array = NDArray[Any]
 
 
 class Field(Enum):
-    """What a session can be asked for. Positions are never optional."""
+    """What a session can be asked for. Positions are never optional.
+
+    Attributes
+    ----------
+    POSITIONS
+        Of the points, (N, 3) [m].
+    VELOCITIES
+        Of the points, (N, 3) [m/s].
+    DEFORMATION_GRADIENTS
+        Of the points, (N, 3, 3): total or, for plastic materials, elastic.
+    TRACER_POSITIONS
+        Of the massless points that matter takes along, (M, 3) [m].
+    """
 
     POSITIONS = "positions"
-    """(N, 3) [m]"""
     VELOCITIES = "velocities"
-    """(N, 3) [m/s]"""
     DEFORMATION_GRADIENTS = "deformation_gradients"
-    """(N, 3, 3), total or, for plastic materials, elastic"""
     TRACER_POSITIONS = "tracer_positions"
-    """(M, 3) [m]"""
 
 
 class Precision(Enum):
-    """Floating-point format of the engine's state."""
+    """Floating-point format of the engine's state.
+
+    Attributes
+    ----------
+    FLOAT32
+        Single: 24 binary digits, about 7 decimal ones.
+    FLOAT64
+        Double: 53 binary digits, about 16 decimal ones.
+    """
 
     FLOAT32 = "float32"
     FLOAT64 = "float64"
 
 
 class Quantity(Enum):
-    """What an engine conserves in the absence of anything that would change it."""
+    """What an engine conserves in the absence of anything that would change it.
+
+    Attributes
+    ----------
+    MASS
+        No point is lost, and each keeps its own.
+    LINEAR_MOMENTUM
+        Sum of m v [kg m/s], whatever bodies do to each other.
+    ANGULAR_MOMENTUM
+        Sum of x cross m v [kg m^2/s], from the first substep on.
+    """
 
     MASS = "mass"
     LINEAR_MOMENTUM = "linear_momentum"
@@ -41,12 +67,18 @@ class Quantity(Enum):
 
 
 class Determinism(Enum):
-    """How far a second run with the same input agrees."""
+    """How far a second run with the same input agrees.
+
+    Attributes
+    ----------
+    BITWISE
+        To the last bit, on the same machine with the same number of threads.
+    TOLERANCE
+        Up to rounding.
+    """
 
     BITWISE = "bitwise"
-    """On the same machine with the same number of threads."""
     TOLERANCE = "tolerance"
-    """Up to rounding."""
 
 
 def device_class(device: str) -> str:

@@ -27,23 +27,36 @@ __all__ = [
 
 
 class ContactCondition(Enum):
-    """What a collider does to the velocity of matter that touches it."""
+    """What a collider does to the velocity of matter that touches it.
+
+    Attributes
+    ----------
+    STICK
+        The matter takes the collider's velocity.
+    SLIP
+        No velocity through the surface, either way; free along it.
+    SEPARATE
+        No velocity into the surface, free to leave, Coulomb friction along it.
+    """
 
     STICK = "stick"
-    """The matter takes the collider's velocity."""
     SLIP = "slip"
-    """No velocity through the surface, either way; free along it."""
     SEPARATE = "separate"
-    """No velocity into the surface, free to leave, Coulomb friction along it."""
 
 
 class Side(Enum):
-    """On which side of its surface a collider lets matter be."""
+    """On which side of its surface a collider lets matter be.
+
+    Attributes
+    ----------
+    OUTSIDE
+        An obstacle: matter stays out of the shape.
+    INSIDE
+        A container: matter stays within the shape.
+    """
 
     OUTSIDE = "outside"
-    """An obstacle: matter stays out of the shape."""
     INSIDE = "inside"
-    """A container: matter stays within the shape."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,14 +195,21 @@ class Wind(ForceField):
 
 
 class DomainPolicy(Enum):
-    """What becomes of points that reach the domain's edge."""
+    """What becomes of points that reach the domain's edge.
+
+    Attributes
+    ----------
+    EXPAND
+        The domain follows the points; it ends only where memory does.
+    STOP
+        The run ends with `Status.OUT_OF_DOMAIN`.
+    CLAMP
+        The edge is a slip wall, and what it held back is reported.
+    """
 
     EXPAND = "expand"
-    """The domain follows the points; it ends only where memory does."""
     STOP = "stop"
-    """The run ends with `Status.OUT_OF_DOMAIN`."""
     CLAMP = "clamp"
-    """The edge is a slip wall, and what it held back is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,23 @@ Array = NDArray[Any]
 
 
 class Status(Enum):
-    """Verdict on an advance. Anything but OK ends the run."""
+    """Verdict on an advance. Anything but OK ends the run, and the frames up to there are kept.
+
+    Attributes
+    ----------
+    OK
+        The time that was asked for is reached. Warnings may still tell of what is odd.
+    NON_FINITE
+        A point's state is no longer a finite number.
+    ENERGY_GREW
+        Matter has more energy than anything could have given it; GASP watches for that itself.
+    OUT_OF_DOMAIN
+        A point left a domain with `DomainPolicy.STOP`, or has gone further than the engine can follow.
+    NOT_CONVERGED
+        A solve has not come to its tolerance within its iterations.
+    SUBSTEP_LIMIT
+        The advance would take more substeps than `EngineAccuracy.substep_limit` allows.
+    """
 
     OK = "ok"
     NON_FINITE = "non_finite"

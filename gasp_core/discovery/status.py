@@ -9,7 +9,7 @@ from gasp_core.contract import EngineCapabilities, EngineDescriptor
 from gasp_core.discovery.environments import environment_fault, folder_of, state_of
 from gasp_core.discovery.loading import how_to_mend
 from gasp_core.discovery.registry import EngineOffer, Registry
-from gasp_core.discovery.requirements import missing_factory, missing_requirements
+from gasp_core.discovery.requirements import missing_factory, missing_requirements, source_fault
 
 __all__ = ["EngineRow", "engine_rows"]
 
@@ -77,12 +77,17 @@ def engine_rows(registry: Registry) -> list[EngineRow]:
 def _row(registry: Registry, name: str, offer: EngineOffer) -> EngineRow:
     status, error = "ready", None
     absent = missing_factory(offer.descriptor.factory)
+    # Another interpreter than this one may read its source otherwise.
+    unreadable = source_fault(offer.descriptor.factory) if offer.descriptor.environment is None else None
     missing = missing_requirements(offer.distribution)
     if len(registry.offers[name]) > 1:
         status, error = "duplicate", registry.duplicate(name)
     elif absent is not None:
         status = "failed"
         error = f"its module {absent} is not there; {how_to_mend(offer.distribution)}"
+    elif unreadable is not None:
+        status = "failed"
+        error = f"{unreadable}; {how_to_mend(offer.distribution)}"
     elif missing:
         status = "missing backend"
         error = f"needs {', '.join(missing)}, which is not installed: {how_to_mend(offer.distribution)}"

@@ -42,7 +42,7 @@ def open_engine(offer: EngineOffer) -> PointEngine:
         raise PluginLoadError(f"{what} cannot be loaded: {one_line(error)}; {remedy}") from error
 
 
-def open_worker(offer: EngineOffer, limits: Limits | None = None) -> PointEngine:
+def open_worker(offer: EngineOffer, limits: Limits | None = None) -> WorkerEngine:
     """An engine whose sessions run in processes of their own, in its environment or else in this one.
 
     Parameters

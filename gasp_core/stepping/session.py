@@ -38,8 +38,32 @@ class StoppedError(Exception):
 class SteppedSession(ABC, Generic[Held]):
     """The part of `gasp_core.contract.EngineSession` that no backend has a say in.
 
-    A derived class has `step_toward`, `apply_impulse`, `read` and `checkpoint`; and `check_state`, `warnings` and
-    `release` where it has something to judge, to tell or to give back.
+    A derived class has to have:
+
+    step_toward(landing, end)
+        Take at least one step towards `landing` [s], and tell `record_steps`.
+    apply_impulse(impulse)
+        Give an impulse that starts now; `impulse_change` says to which points, and how much.
+    read(fields)
+        Positions and the asked fields, as `EngineSession.read` has it.
+    checkpoint()
+        What a session can be taken up from, as `EngineSession.checkpoint` has it; only where that is declared.
+
+    It may also have, where the default of doing nothing is not enough:
+
+    begin_advance(end)
+        Forget what the last report told: an advance begins.
+    check_state(step)
+        Raise `StoppedError` where the state after steps of `step` [s] cannot go on.
+    warnings()
+        What the report of the advance that is over has to tell.
+    solver_figures()
+        What the solves of the advance that is over took.
+    release(held)
+        Give back to the backend what is held.
+
+    For these there are `time`, `held()`, which is what is stepped, and `record_steps(count, step, now)`; whoever steps
+    arrays stores the next ones in `_held`.
 
     Parameters
     ----------

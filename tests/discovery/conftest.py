@@ -2,10 +2,12 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from gasp_core.cli.main import main
 from gasp_core.discovery.registry import discover
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
@@ -59,3 +61,36 @@ def listed(in_process_of_its_own):
         return {(row["name"], row["distribution"]): row for row in json.loads(done.stdout)["engines"]}
 
     return rows
+
+
+@pytest.fixture
+def new_engine(tmp_path, monkeypatch):
+    """Begin an engine with ``gasp engines new`` and return its folder, which is a place for the import path."""
+
+    def begin(name="my-engine", **texts):
+        """`texts` replaces what stands in files of the package, by their stems: pairs of old and new."""
+        monkeypatch.chdir(tmp_path)
+        assert main(["engines", "new", name]) == 0
+        folder = tmp_path / name
+        for stem, (old, new) in texts.items():
+            file = folder / name.replace("-", "_") / f"{stem}.py"
+            before = file.read_text(encoding="utf-8")
+            assert old in before
+            file.write_text(before.replace(old, new), encoding="utf-8")
+        _as_if_installed(folder)
+        return folder
+
+    return begin
+
+
+def _as_if_installed(folder):
+    """What `pip install -e` would leave beside it, from its pyproject.toml."""
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    metadata = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    metadata.mkdir()
+    required = "".join(f"Requires-Dist: {requirement}\n" for requirement in project["dependencies"])
+    (metadata / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n{required}"
+    )
+    entries = "".join(f"{name} = {module}\n" for name, module in project["entry-points"]["gasp"].items())
+    (metadata / "entry_points.txt").write_text(f"[gasp]\n{entries}")

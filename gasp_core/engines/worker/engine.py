@@ -148,6 +148,23 @@ class WorkerEngine:
         """
         self._started().end()
 
+    def load(self) -> None:
+        """Import the engine's code in a worker, make the engine there, and end the worker.
+
+        Raises
+        ------
+        PluginLoadError
+            Where its code, or the backend it stands on, cannot be imported, or what is made is no engine.
+        EngineEnvironmentError, EngineCrashedError
+            As `open`.
+        """
+        worker = self._started()
+        try:
+            message = {"do": "load", "factory": self._descriptor.factory, "remedy": self._remedy}
+            answered(worker, message, "loading its code", self._limits.opening, _COMPILING)
+        finally:
+            worker.end()
+
     def take_back(self, worker: WorkerProcess) -> None:
         """Keep a worker that is done with its session, if it is of any more use."""
         if worker.is_idle:

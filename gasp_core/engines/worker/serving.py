@@ -49,6 +49,8 @@ class _Desk:
         what = message["do"]
         if what == "open":
             return self._open(message)
+        if what == "load":
+            return self._load(message)
         session = self._session
         if session is None:
             raise ValueError("no session is open")
@@ -75,6 +77,13 @@ class _Desk:
         engine = self._engine(message["factory"], message["remedy"])
         self._session = engine.open(given.pop("problem"), **given)
         return {"time": float(self._session.time)}
+
+    def _load(self, message: Message) -> None:
+        engine: object = self._engine(message["factory"], message["remedy"])
+        if not callable(getattr(engine, "open", None)):
+            raise PluginLoadError(
+                f"{message['factory']} makes no engine: what it returns, {engine!r:.60}, has no method open"
+            )
 
     def _engine(self, factory: str, remedy: str) -> PointEngine:
         if factory not in self._engines:

@@ -48,7 +48,7 @@ class Engine:
         bodies, motion = bodies_of(problem)
         time = 0.0
         if restart is not None:
-            time, motion = _restored(restart, motion)
+            time, motion = _restored(restart, bodies, motion)
         return Session(problem, bodies, motion, accuracy, time)
 
 
@@ -97,18 +97,19 @@ class Session(SteppedSession[Motion]):
         )
 
     def checkpoint(self) -> Mapping[str, Array]:
-        """Everything that changes; what does not is in the problem."""
-        return {"time": np.array(self.time), **asdict(self.held())}
+        """Everything that changes, and by what to know the problem again."""
+        return {"time": np.array(self.time), "rows": self._bodies.rows, **asdict(self.held())}
 
 
-def _restored(checkpoint: Mapping[str, Array], fresh: Motion) -> tuple[float, Motion]:
-    shapes = {"time": (), **{name: np.shape(array) for name, array in asdict(fresh).items()}}
-    for name, shape in shapes.items():
+def _restored(checkpoint: Mapping[str, Array], bodies: Bodies, fresh: Motion) -> tuple[float, Motion]:
+    """Time and motion of a checkpoint that has the arrays of a session of the same bodies."""
+    arrays: dict[str, Array] = asdict(fresh)
+    shapes = {name: np.shape(array) for name, array in arrays.items()}
+    for name, shape in {"time": (), "rows": np.shape(bodies.rows), **shapes}.items():
         found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"
         if found != shape:
             raise SceneError(
                 f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
                 " start the run anew"
             )
-    arrays = {name: np.array(checkpoint[name], dtype=np.float64) for name in shapes if name != "time"}
-    return float(checkpoint["time"]), Motion(**arrays)
+    return float(checkpoint["time"]), Motion(**{name: np.array(checkpoint[name], dtype=np.float64) for name in arrays})

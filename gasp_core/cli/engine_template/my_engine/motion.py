@@ -143,7 +143,7 @@ def _rates(bodies: Bodies, turns: Array, spins: Array) -> Array:
 
 
 def _rotated(turns: Array, vectors: Array) -> Array:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    """Vectors (N, 3) turned by unit quaternions (N, 4)."""
     across = 2 * np.cross(turns[:, 1:], vectors)
     return vectors + turns[:, :1] * across + np.cross(turns[:, 1:], across)
 
