@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
+from numpy.typing import NDArray
+
 from gasp_core.contract import Impulse
 from gasp_core.stepping import session
 from gasp_core.stepping.session import StoppedError
@@ -76,3 +78,12 @@ class SteppedSession(session.SteppedSession[Held], Generic[Held]):
 
     def _living(self) -> Held:
         return self.held()
+
+    def _refuse_too_many(self, step: float, end: float) -> None:
+        self.refuse_too_many(step, end)
+
+    def _refuse_lost(self, step: float, *rows: NDArray[Any]) -> None:
+        self.refuse_lost(step, *rows)
+
+    def _refuse_outside(self, positions: NDArray[Any]) -> None:
+        self.refuse_outside(positions)

@@ -185,7 +185,7 @@ class SteppedSession(ABC, Generic[Held]):
         self._steps.append((count, step))
         self._time = now
 
-    def _refuse_too_many(self, step: float, end: float) -> None:
+    def refuse_too_many(self, step: float, end: float) -> None:
         """Stop where steps of `step` [s] up to `end` [s] would be more than are allowed."""
         limit = self._accuracy.substep_limit
         needed = self._taken + ((end - self._time) / step * (1 - 1e-9) if step > 0 else math.inf)
@@ -197,7 +197,7 @@ class SteppedSession(ABC, Generic[Held]):
                 " substep_limit, ask for frames closer together, lower the stiffness, or coarsen the resolution",
             )
 
-    def _refuse_lost(self, step: float, *rows: Array) -> None:
+    def refuse_lost(self, step: float, *rows: Array) -> None:
         """Stop where an array (N, ...) of `rows` is not finite after steps of `step` [s]."""
         finite = np.logical_and.reduce([np.isfinite(each.reshape(len(each), -1)).all(axis=1) for each in rows])
         if not finite.all():
@@ -208,7 +208,7 @@ class SteppedSession(ABC, Generic[Held]):
                 " lower substep_fraction, or check the scene's forces",
             )
 
-    def _refuse_outside(self, positions: Array) -> None:
+    def refuse_outside(self, positions: Array) -> None:
         """Stop where one of `positions` (N, 3) [m] has left a domain that ends the run."""
         domain = self._problem.domain
         if domain is None or domain.policy is not DomainPolicy.STOP:

@@ -42,7 +42,7 @@ class _Falling(SteppedSession[list[Array]]):
         self.released = 0
 
     def step_toward(self, landing: float, end: float) -> None:
-        self._refuse_too_many(_STEP, end)
+        self.refuse_too_many(_STEP, end)
         positions, velocities = self.held()
         count, step = substeps_to(landing - self._time, _STEP)
         velocities += step * np.asarray(self._problem.gravity)
@@ -54,8 +54,8 @@ class _Falling(SteppedSession[list[Array]]):
     def check_state(self, step: float) -> None:
         self.looks.append(step)
         positions, velocities = self.held()
-        self._refuse_lost(step, positions, velocities)
-        self._refuse_outside(positions)
+        self.refuse_lost(step, positions, velocities)
+        self.refuse_outside(positions)
 
     def apply_impulse(self, impulse: Impulse) -> None:
         positions, velocities = self.held()

@@ -71,7 +71,7 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
 
     def step_toward(self, landing: float, end: float) -> None:
         """All steps up to `landing`: nothing that happens on the way bounds them."""
-        self._refuse_too_many(self._longest, end)
+        self.refuse_too_many(self._longest, end)
         count, step = substeps_to(landing - self._time, self._longest)
         start = self._time
         for index in range(count):

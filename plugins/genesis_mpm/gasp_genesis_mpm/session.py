@@ -93,7 +93,7 @@ class GenesisSession(SteppedSession[Performance]):
         """A few equal substeps towards `landing`."""
         limits = self._limits()
         allowed = substep_size(limits, self._spacing, self._accuracy)
-        self._refuse_too_many(allowed, end)
+        self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
@@ -129,7 +129,7 @@ class GenesisSession(SteppedSession[Performance]):
 
     def _refuse_leap(self, step: float) -> None:
         motion = self._motion
-        self._refuse_lost(step, motion.cells, motion.velocities, motion.deformations)
+        self.refuse_lost(step, motion.cells, motion.velocities, motion.deformations)
         speeds = np.linalg.norm(motion.velocities, axis=1)
         leap = float(speeds.max()) * step / self._spacing
         if leap > 1:
@@ -147,7 +147,7 @@ class GenesisSession(SteppedSession[Performance]):
 
     def check_state(self, step: float) -> None:
         """See `SteppedSession`."""
-        self._refuse_outside(self._places())
+        self.refuse_outside(self._places())
         if step:
             self._inverted = max(self._inverted, int((np.linalg.det(self._motion.deformations) <= 0).sum()))
 

@@ -190,7 +190,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         """One batch of equal steps towards `landing`."""
         limits = self._limits(self._survey)
         allowed = substep_size(limits, self._units.spacing, self._accuracy)
-        self._refuse_too_many(allowed, end)
+        self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
         taking = min(count, max(1, reach))
@@ -259,7 +259,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         """Stop where the state is no longer credible or has left the domain."""
         cloud = self.held()
         if not survey.finite:
-            self._refuse_lost(step, cloud.positions(), cloud.velocities(), cloud.deformation_gradients())
+            self.refuse_lost(step, cloud.positions(), cloud.velocities(), cloud.deformation_gradients())
             raise StoppedError(Status.NON_FINITE, f"the state is no longer finite, with substeps of {step:.3g} s")
         self._inverted = max(self._inverted, survey.inverted)
         leap = survey.speed * step / self._units.spacing
@@ -271,7 +271,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             )
         domain = self._problem.domain
         if domain is not None and ((survey.low < domain.lower).any() or (survey.high > domain.upper).any()):
-            self._refuse_outside(cloud.positions())
+            self.refuse_outside(cloud.positions())
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, float64, owned."""

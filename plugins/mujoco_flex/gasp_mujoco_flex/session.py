@@ -77,7 +77,7 @@ class MujocoSession(SteppedSession[Motion]):
             speed=motion.speed(),
             acceleration=math.hypot(*self._problem.gravity),
         )
-        self._refuse_too_many(allowed, end)
+        self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         begun = self._time
         for number in range(min(count, _CYCLE)):
@@ -97,7 +97,7 @@ class MujocoSession(SteppedSession[Motion]):
             return
         least, most = motion.bounds()
         if (least < domain.lower).any() or (most > domain.upper).any():
-            self._refuse_outside(motion.positions())
+            self.refuse_outside(motion.positions())
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, owned."""

@@ -108,7 +108,7 @@ class ReferenceSession(SteppedSession[Motion]):
         motion = self.held()
         limits = self._limits(motion)
         allowed = substep_size(limits, self._spacing, self._accuracy)
-        self._refuse_too_many(allowed, end)
+        self.refuse_too_many(allowed, end)
         remaining = landing - self._time
         count, step = substeps_to(remaining, allowed)
         reach = int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))
@@ -158,7 +158,7 @@ class ReferenceSession(SteppedSession[Motion]):
         return replace(motion, positions=inside, velocities=velocities)
 
     def _refuse_leap(self, motion: Motion, time: float, step: float) -> None:
-        self._refuse_lost(step, motion.positions, motion.velocities, motion.deformations)
+        self.refuse_lost(step, motion.positions, motion.velocities, motion.deformations)
         leap = np.linalg.norm(motion.velocities, axis=1) * step / self._spacing
         if leap.max() > 1:
             raise StoppedError(
@@ -171,7 +171,7 @@ class ReferenceSession(SteppedSession[Motion]):
         """Refuse a cloud that has left its domain or outgrown the grid; count inverted points."""
         motion = self.held()
         places = motion.positions + self._origin
-        self._refuse_outside(places)
+        self.refuse_outside(places)
         excess = grid_excess(places, self._spacing)
         if excess:
             raise StoppedError(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")

@@ -67,7 +67,7 @@ class Session(SteppedSession[Motion]):
         motion = self.held()
         longest = self._accuracy.substep or self._accuracy.substep_fraction * allowed_step(self._bodies, motion)
         # Ends the advance, with a reason, where the user's limit does not allow for so many steps.
-        self._refuse_too_many(longest, end)
+        self.refuse_too_many(longest, end)
         count, step = substeps_to(landing - self.time, longest)
         # What is no longer finite is not silenced but looked for in `check_state`.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -85,7 +85,7 @@ class Session(SteppedSession[Motion]):
     def check_state(self, step: float) -> None:
         """End the advance, with a reason, where a point is no longer finite."""
         motion = self.held()
-        self._refuse_lost(step, places(self._bodies, motion), velocities(self._bodies, motion))
+        self.refuse_lost(step, places(self._bodies, motion), velocities(self._bodies, motion))
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields: fresh arrays, rows in the order given."""
