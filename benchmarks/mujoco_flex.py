@@ -28,7 +28,7 @@ from gasp_core.contract import (
     PointProblem,
     Rigid,
 )
-from gasp_core.simulation.sources import prepare
+from gasp_core.simulation.splat_sources import prepare
 
 DATA = Path(os.environ.get("GASP_DATA", "../shared/data"))
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)

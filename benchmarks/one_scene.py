@@ -20,8 +20,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import gasp_core as gasp
-from gasp_core.rendering.films import FilmFile
-from gasp_core.rendering.sheets import Sheet, key_frames
+from gasp_core.rendering.contact_sheet import Sheet, key_frames
+from gasp_core.rendering.video import FilmFile
 
 SCENE = """\
 # Three trained splats above a floor as soft bodies; the bust is pushed at the angel.

@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     import click
 
-    from gasp_core.cli.group import gasp
+    from gasp_core.cli.command_group import gasp
 
     try:
         # Not click's own main: it ends the process on a broken pipe and forgets what an interrupt had to say.

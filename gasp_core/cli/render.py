@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gasp_core.cli.size import Size
+from gasp_core.cli.picture_size import Size
 from gasp_core.errors import RenderingError
 
 if TYPE_CHECKING:
-    from gasp_core.scene.choices import CameraChoice
     from gasp_core.scene.objects import UpAxis
+    from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["render"]
 
@@ -118,7 +118,7 @@ def _choice(
     if camera is not None:
         raise click.UsageError("--camera and --from contradict each other: say one of them")
     from gasp_core.errors import SceneError
-    from gasp_core.scene.choices import CameraChoice
+    from gasp_core.scene.settings import CameraChoice
 
     try:
         return CameraChoice(position=position, target=target)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
 from gasp_core.cli.settings import Settings, settings_options
-from gasp_core.cli.size import Size
 
 if TYPE_CHECKING:
     from gasp_core.recording import Recording

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.dynamics.analytic import AnalyticMotion, analytic_motion
-from gasp_core.dynamics.callables import CallableMotion
+from gasp_core.dynamics.frame_sequence import SequenceMotion, frame_files
+from gasp_core.dynamics.function_motion import CallableMotion
 from gasp_core.dynamics.motion import PlacedMotion, SceneMotion, velocities
-from gasp_core.dynamics.sequence import SequenceMotion, frame_files
 from gasp_core.errors import SceneError
 from gasp_core.games import Covariance, choose_vertices, edge_axes, invert_simplices, to_simplices
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.selection import PlacedObject, bounded_by_region, settle
+from gasp_core.scene.settings import MapChoice
 
 __all__ = ["PrescribedMotion", "Played", "drifted", "play"]
 

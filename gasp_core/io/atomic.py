@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 
 __all__ = ["replacing"]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import colour_to_dc, exponential
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 from gasp_core.io.ply import PlyHeader, read_table
 from gasp_core.io.rotations import restore_largest
 

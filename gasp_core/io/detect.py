@@ -10,7 +10,7 @@ import numpy as np
 
 from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
-from gasp_core.io.faults import malformed, quoted
+from gasp_core.io.format_errors import malformed, quoted
 
 __all__ = ["READ", "WRITTEN", "read", "write"]
 

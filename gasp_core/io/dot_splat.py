@@ -13,7 +13,7 @@ import numpy as np
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import colour_to_dc, dc_to_colour
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 from gasp_core.io.rotations import unit_quaternions
 
 __all__ = ["read_dot_splat", "write_dot_splat"]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, logarithm, logit, sigmoid
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 from gasp_core.io.ply import PlyHeader, read_table
 
 __all__ = ["read_inria", "write_inria"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
-from gasp_core.io.faults import shown
+from gasp_core.io.format_errors import shown
 
 __all__ = ["PERCENTILES", "SplatSummary", "inspect_splat", "summarise"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 
 __all__ = ["MOST_GAUSSIANS", "refuse_bomb"]
 

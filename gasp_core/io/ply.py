@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SplatFormatError
-from gasp_core.io.faults import malformed, quoted
+from gasp_core.io.format_errors import malformed, quoted
 
 __all__ = ["PlyElement", "PlyHeader", "parse_header", "read_table"]
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, sigmoid
-from gasp_core.io.faults import malformed, quoted
+from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.limits import refuse_bomb
 from gasp_core.io.rotations import restore_largest
 from gasp_core.io.webp import decode_webp

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, logarithm, logit
-from gasp_core.io.faults import malformed
+from gasp_core.io.format_errors import malformed
 from gasp_core.io.limits import refuse_bomb
 from gasp_core.io.rotations import restore_largest, unit_quaternions
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.io.faults import malformed, quoted
+from gasp_core.io.format_errors import malformed, quoted
 
 __all__ = ["decode_webp"]
 

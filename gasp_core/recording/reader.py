@@ -22,10 +22,10 @@ from gasp_core.reduction.assembly import Body, before_physics, matter_turns, mov
 from gasp_core.reduction.cores import Levels
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.render_input import RenderInput
-from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.loading import read_stored_motion, read_stored_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.placement import Placement
+from gasp_core.scene.settings import MapChoice
 
 __all__ = ["Recording", "RecordingStatus"]
 

@@ -18,9 +18,9 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.cores import sample_cores
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
-from gasp_core.scene.choices import MapChoice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
+from gasp_core.scene.settings import MapChoice
 from gasp_core.stepping.grid import GridAnchor
 
 __all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "before_physics", "matter_turns"]

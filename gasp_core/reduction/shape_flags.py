@@ -14,7 +14,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.linalg3 import chunk_count
 from gasp_core.reduction import kernels
 from gasp_core.reduction.assembly import Body, before_physics, shapes
-from gasp_core.scene.choices import MapChoice
+from gasp_core.scene.settings import MapChoice
 
 __all__ = ["shape_flags"]
 

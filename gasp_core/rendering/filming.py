@@ -16,8 +16,8 @@ from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.rendering.viewpoints import cameras_for, read_choice
-from gasp_core.scene.choices import CameraChoice
 from gasp_core.scene.objects import UpAxis
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["render"]
 

@@ -14,10 +14,10 @@ from gasp_core.errors import RecordingError
 from gasp_core.io import read_splat
 from gasp_core.recording import Recording
 from gasp_core.render_input import RenderInput
-from gasp_core.scene.choices import CameraChoice
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placement import Placement
 from gasp_core.scene.selection import place_object
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["Footage", "RecordedFootage", "Still", "open_footage"]
 

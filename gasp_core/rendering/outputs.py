@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
-from gasp_core.rendering.films import FilmFile
+from gasp_core.rendering.contact_sheet import Sheet, key_frames
 from gasp_core.rendering.pictures import PictureFile, PictureFolder
-from gasp_core.rendering.sheets import Sheet, key_frames
+from gasp_core.rendering.video import FilmFile
 
 if TYPE_CHECKING:
     from typing import Self

@@ -9,7 +9,7 @@ from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.camera_files import choose, placed, read_cameras
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import VIEWS, Motion, frame_motion, turntable
-from gasp_core.scene.choices import CameraChoice
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["camera_of_choice", "cameras_for", "read_choice"]
 

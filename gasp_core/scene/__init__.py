@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.objects import Floaters, Reduction, SplatObject
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.writing import scene_to_toml
 
 __all__ = [

@@ -16,12 +16,12 @@ from typing import Any, cast
 
 from gasp_core.contract import EngineAccuracy
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.choices import EngineChoice, RecordingChoice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import PythonMotion
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.schema import SCHEMA
+from gasp_core.scene.settings import EngineChoice, RecordingChoice
 from gasp_core.scene.writing import MEMORY
 
 __all__ = ["scene_digest", "what_differs"]

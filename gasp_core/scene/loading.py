@@ -27,11 +27,11 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
-from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
 from gasp_core.scene.schema import migrated
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]

@@ -16,8 +16,8 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
-from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 
 __all__ = ["Scene", "engine_notes"]
 

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from gasp_core.simulation.driver import simulate
-from gasp_core.simulation.sources import Prepared, prepare
+from gasp_core.simulation.splat_sources import Prepared, prepare
 
 __all__ = ["Prepared", "prepare", "simulate"]

@@ -35,10 +35,10 @@ from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.selection import PlacedObject
-from gasp_core.simulation.choice import ChosenEngine, choose_engine
-from gasp_core.simulation.header import header_of
+from gasp_core.simulation.engine_choice import ChosenEngine, choose_engine
 from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
-from gasp_core.simulation.sources import Prepared, prepare
+from gasp_core.simulation.recording_header import header_of
+from gasp_core.simulation.splat_sources import Prepared, prepare
 
 __all__ = ["simulate"]
 

@@ -27,9 +27,9 @@ from gasp_core.recording import Recording
 from gasp_core.recording.writer import RecordingWriter
 from gasp_core.reduction.assembly import Assembly, Body
 from gasp_core.reduction.shape_flags import shape_flags
-from gasp_core.scene.choices import MapChoice, RecordingChoice
 from gasp_core.scene.model import Scene
-from gasp_core.simulation.choice import ChosenEngine
+from gasp_core.scene.settings import MapChoice, RecordingChoice
+from gasp_core.simulation.engine_choice import ChosenEngine
 from gasp_core.simulation.monitor import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 
 __all__ = ["FrameLoop", "drift_is_recorded"]

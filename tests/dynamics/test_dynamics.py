@@ -26,7 +26,7 @@ from gasp_core import (
     write_splat,
 )
 from gasp_core.contract import PointState, Status, StepReport
-from gasp_core.dynamics.callables import CallableMotion
+from gasp_core.dynamics.function_motion import CallableMotion
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.games import to_simplices
 from gasp_core.gaussians import rotation_matrices, rotation_quaternions
@@ -160,7 +160,15 @@ def assert_alike(found, expected, tolerance):
 
 @pytest.mark.parametrize("reduction", MODES, ids=["all", "cores", "frame", "levels"])
 @pytest.mark.parametrize("vertices", [3, 4])
-@pytest.mark.parametrize("motion", [SWING, BEND, WAVE, PythonMotion(function=flow, start=0.5, rate=2.0)])
+@pytest.mark.parametrize(
+    "motion",
+    [
+        pytest.param(SWING, marks=pytest.mark.thorough),
+        BEND,
+        pytest.param(WAVE, marks=pytest.mark.thorough),
+        PythonMotion(function=flow, start=0.5, rate=2.0),
+    ],
+)
 def test_where_physics_does_nothing_it_is_psi(record, cloud, motion, vertices, reduction):
     """Displacements are float32: off by 6e-8 of themselves, at most about 1 m here."""
     splat = cloud(60)
@@ -177,7 +185,7 @@ def test_where_physics_does_nothing_it_is_psi(record, cloud, motion, vertices, r
 
 @pytest.mark.parametrize("reduction", MODES, ids=["all", "cores", "frame", "levels"])
 @pytest.mark.parametrize("vertices", [3, 4])
-@pytest.mark.parametrize("shape", ["ball", "sheet", "single"])
+@pytest.mark.parametrize("shape", ["ball", pytest.param("sheet", marks=pytest.mark.thorough), "single"])
 def test_a_rigid_motion_turns_psi(record, cloud, shape, vertices, reduction):
     """Points are known to 6e-8 of 1 m; a slope over a tenth of that, times a drift of half: some 3e-7."""
     splat = {"ball": cloud(200), "sheet": sheet(), "single": sheet(1)}[shape]

@@ -16,7 +16,7 @@ from typing import Any
 import click
 import pytest
 
-from gasp_core.cli.group import gasp
+from gasp_core.cli.command_group import gasp
 from gasp_core.scene.loading import read_scene
 
 ROOT = Path(__file__).parents[2]

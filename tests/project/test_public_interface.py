@@ -26,8 +26,8 @@ from typing import Any
 import click
 import pytest
 
-from gasp_core.cli.group import BUILT_IN
-from gasp_core.cli.group import gasp as gasp_command
+from gasp_core.cli.command_group import BUILT_IN
+from gasp_core.cli.command_group import gasp as gasp_command
 
 ROOT = Path(__file__).parents[2]
 CHANGELOG = ROOT / "CHANGELOG.md"

@@ -6,10 +6,10 @@ import pytest
 from PIL import Image
 
 from gasp_core.errors import GaspError, RenderingError
-from gasp_core.rendering.films import FilmFile
+from gasp_core.rendering.contact_sheet import Sheet, contact_sheet, key_frames
 from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.pictures import PictureFile, PictureFolder, write_png
-from gasp_core.rendering.sheets import Sheet, contact_sheet, key_frames
+from gasp_core.rendering.video import FilmFile
 
 
 def picture(index, width=96, height=64, channels=3):

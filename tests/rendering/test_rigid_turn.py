@@ -16,7 +16,7 @@ from gasp_core.rendering.footage import Still
 from gasp_core.rendering.framing import frame_motion, motion_of
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.scene.placement import Placement
-from gasp_core.simulation.sources import prepare
+from gasp_core.simulation.splat_sources import prepare
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here: pip install -e plugins/renderer"

@@ -12,7 +12,7 @@ from gasp_core import EngineChoice, Precision, Reduction, Scene
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import UnsupportedSceneError
 from gasp_core.scene.model import engine_notes
-from gasp_core.simulation.choice import choose_engine
+from gasp_core.simulation.engine_choice import choose_engine
 from gasp_core.studies.comparison.running import notes_of, runs_of
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
 

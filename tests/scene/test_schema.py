@@ -26,12 +26,12 @@ from gasp_core.contract import (
 from gasp_core.errors import SceneError
 from gasp_core.recording.layout import BodyEntry, Commit, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.migrations import VERSION
-from gasp_core.scene.choices import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.digest import scene_digest, what_differs
 from gasp_core.scene.loading import read_scene, read_stored_scene
 from gasp_core.scene.motions import MOTIONS
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.schema import SCHEMA, migrated
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import Table
 from gasp_core.scene.writing import scene_to_toml
 

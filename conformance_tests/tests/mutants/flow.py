@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from gasp_reference_mpm.constitution import logarithmic_strains, viscoplastic_projection
+from gasp_reference_mpm.constitutive import logarithmic_strains, viscoplastic_projection
 from numpy.typing import NDArray
 
 from gasp_core.contract import Foam, Material, Metal, Plasticine, PointProblem

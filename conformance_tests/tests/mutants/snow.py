@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from gasp_reference_mpm.constitution import fixed_corotated_stress
+from gasp_reference_mpm.constitutive import fixed_corotated_stress
 from gasp_reference_mpm.material_points import Matter, Motion, kirchhoff_stress
 from gasp_reference_mpm.transfer import Stencil
 from numpy.typing import NDArray

@@ -19,7 +19,7 @@ from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import check_size
 from gasp_core.scene.model import Scene
-from gasp_core.simulation.sources import prepare
+from gasp_core.simulation.splat_sources import prepare
 from gasp_core.stepping.threads import processors
 from gasp_core.studies.comparison.curves import RunCurves, curves_of
 from gasp_core.studies.comparison.filming import film_all

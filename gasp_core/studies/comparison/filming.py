@@ -16,11 +16,11 @@ from gasp_core.accuracy.images import psnr, ssim
 from gasp_core.errors import GaspError, RenderingError
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
-from gasp_core.rendering.films import FilmFile
 from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.rendering.framing import Motion, motion_of
 from gasp_core.rendering.painting import FramePainter
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.video import FilmFile
 from gasp_core.rendering.viewpoints import cameras_for
 from gasp_core.studies.comparison.measures import Likeness
 

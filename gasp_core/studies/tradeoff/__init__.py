@@ -18,10 +18,10 @@ from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.studies.tradeoff.machine import load, machine
 from gasp_core.studies.tradeoff.measuring import measure
 from gasp_core.studies.tradeoff.plot import pictures
+from gasp_core.studies.tradeoff.reference_solution import ClosedForm, load_truth
 from gasp_core.studies.tradeoff.refining import RUNS, ladder, refine
 from gasp_core.studies.tradeoff.report import Row, Tradeoff, rows_of
 from gasp_core.studies.tradeoff.settings import Setting, default_resolutions, grid, scene_with
-from gasp_core.studies.tradeoff.truth import ClosedForm, load_truth
 
 __all__ = ["ClosedForm", "Row", "Setting", "Tradeoff", "default_resolutions", "grid", "load_truth", "tradeoff"]
 

@@ -19,8 +19,8 @@ from gasp_core.recording.layout import EngineRecord
 from gasp_core.recording.reader import Recording
 from gasp_core.scene.model import Scene
 from gasp_core.studies.runs import Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.tradeoff.reference_solution import Truth
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
-from gasp_core.studies.tradeoff.truth import Truth
 
 __all__ = ["Measurement", "measure"]
 

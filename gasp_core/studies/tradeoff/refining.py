@@ -13,9 +13,9 @@ from gasp_core.errors import AccuracyError
 from gasp_core.recording.reader import Recording
 from gasp_core.scene.model import Scene
 from gasp_core.studies.runs import Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.tradeoff.reference_solution import Refined
 from gasp_core.studies.tradeoff.richardson import remainder_of
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
-from gasp_core.studies.tradeoff.truth import Refined
 
 __all__ = ["RUNS", "expected_order", "ladder", "refine"]
 

@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.stepping.enclosure import enclosed
+
 __all__ = ["CORNERS", "Cage", "build_cage", "gather", "scatter"]
 
 Array = NDArray[Any]
 
 CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 """Of a voxel, (8, 3), in the order of `Cage.voxels`."""
-_BLOCKED = 5
-"""Of the six rays along the axes: a voxel that so many do not leave the cloud from is inside it. All six would call
-the bottom of a cup outside, and holes in a trained shell let rays through."""
 _MOST_VOXELS = 4_000_000
 """In the box around a cloud: a larger one is not looked through for its inside."""
 _MOST_ALONG = 1_000_000
@@ -112,8 +111,4 @@ def _filled(occupied: Array, counts: Array) -> Array:
         return occupied
     full = np.zeros(tuple(counts), dtype=bool)
     full[tuple(occupied.T)] = True
-    blocked = np.zeros(full.shape, dtype=np.int8)
-    for axis in range(3):
-        blocked += np.logical_or.accumulate(full, axis=axis)
-        blocked += np.flip(np.logical_or.accumulate(np.flip(full, axis), axis=axis), axis)
-    return np.argwhere(full | (blocked >= _BLOCKED))
+    return np.argwhere(full | enclosed(full))

@@ -16,9 +16,9 @@ import pytest
 from gasp_core import EngineAccuracy, Recording, simulate
 from gasp_core.contract import Elastic
 from gasp_core.errors import EngineCrashedError
-from gasp_core.scene.choices import EngineChoice, RecordingChoice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.settings import EngineChoice, RecordingChoice
 from gasp_core.toy import make_toy
 
 SOON = 5.0

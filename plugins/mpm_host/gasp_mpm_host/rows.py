@@ -112,10 +112,6 @@ class Rows:
         given[self.ids] = values
         return given
 
-    def positions(self, units: Units) -> Array:
-        """(N, 3) [m], in the given order."""
-        return self._given(units.world(self.cells))
-
     def velocities(self, units: Units) -> Array:
         """(N, 3) [m/s], in the given order."""
         return self._given(self.points[:, at.VELOCITY : at.VELOCITY + 3].astype(np.float64) * units.speed)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
-from gasp_mujoco_flex.voxel_grid import Lattice, enclosed, fits
+from gasp_core.stepping.enclosure import enclosed
+from gasp_mujoco_flex.voxel_grid import Lattice, fits
 
 __all__ = ["Matter", "affine_fit", "matter_of"]
 

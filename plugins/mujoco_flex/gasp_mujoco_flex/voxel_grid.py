@@ -1,4 +1,4 @@
-"""Regular lattices of boxes around a cloud, and which of their cells a cloud encloses."""
+"""Regular lattices of boxes around a cloud."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
+from gasp_core.stepping.enclosure import enclosed
 
-__all__ = ["Lattice", "enclosed", "fits", "lattice_around", "node_count", "point_distance"]
+__all__ = ["Lattice", "fits", "lattice_around", "node_count", "point_distance"]
 
 Array = NDArray[Any]
 
-_BLOCKED = 5
-"""Of the six rays along the axes. An object that stood on a table was never seen from below."""
 _LARGEST_LATTICE = 2**24
 _TIE = 1e-9
 
@@ -77,15 +76,6 @@ def point_distance(positions: Array, volumes: Array) -> float:
     keys = ((positions - positions.min(axis=0)) / max(float(span.max()), 1e-300) * 2**20).astype(np.int64)
     places = len(np.unique((keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]))
     return float(np.cbrt(volumes.sum() / places))
-
-
-def enclosed(occupied: Array) -> Array:
-    """Empty cells (I, J, K) from which five of the six rays along the axes run into occupied ones."""
-    rays = np.zeros(occupied.shape, dtype=np.int8)
-    for axis in range(3):
-        for cells, counted in ((occupied, rays), (np.flip(occupied, axis), np.flip(rays, axis))):
-            counted += np.logical_or.accumulate(cells, axis=axis)
-    return (rays >= _BLOCKED) & ~occupied
 
 
 def fits(lattice: Lattice) -> bool:

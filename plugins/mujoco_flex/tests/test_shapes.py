@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from gasp_mujoco_flex.colliders import HOLLOW_DIRECTIONS
 from gasp_mujoco_flex.rigid import merged_boxes
-from gasp_mujoco_flex.voxel_grid import enclosed, lattice_around, node_count, point_distance
+from gasp_mujoco_flex.voxel_grid import lattice_around, node_count, point_distance
 
 from gasp_core.errors import SceneError
+from gasp_core.stepping.enclosure import enclosed
 
 
 def sphere(count: int = 20_000) -> np.ndarray:
@@ -26,14 +27,6 @@ def test_a_hollow_ball_is_filled_and_its_outside_is_not():
     diagonal = float(np.linalg.norm(lattice.sides))
     inside = 4 / 3 * np.pi * (1 - diagonal) ** 3
     assert len(middles) * lattice.sides.prod() > inside
-
-
-def test_a_bowl_that_stood_on_a_table_is_filled_and_a_tube_is_not():
-    cells = np.ones((6, 6, 6), dtype=bool)
-    cells[1:5, 1:5, :5] = False
-    assert enclosed(cells).sum() == 4 * 4 * 5
-    cells[1:5, 1:5, :] = False
-    assert not enclosed(cells).any()
 
 
 def test_points_at_one_place_count_once():

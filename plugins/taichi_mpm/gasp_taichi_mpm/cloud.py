@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import COLOURS, CellTables, arrange
+from gasp_mpm_host.cells import COLOURS, CellTables
+from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
-from gasp_mpm_host.session import FarAwayError
-from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
+from gasp_mpm_host.tracers import TracerRows, TracerTables
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
-from gasp_core.stepping.mpm import averaged_lame
 from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
 from gasp_taichi_mpm.memory import Memory
@@ -25,14 +24,9 @@ __all__ = ["Cloud"]
 
 Array = NDArray[Any]
 
-_NODE_LIMIT = 2**28
-_SEEDING_PASSES = 16
-_CELL_LIMIT = 2.0**30
-"""Cells from the anchor, so that integer cells never overflow."""
 
-
-class Cloud:
-    """The state of a session.
+class Cloud(SortedCloud):
+    """The state of a session; see `gasp_mpm_host.cloud.SortedCloud`.
 
     Parameters
     ----------
@@ -63,49 +57,27 @@ class Cloud:
         threads: int,
         on_gpu: bool,
     ) -> None:
+        super().__init__(problem, units, double=double, threads=threads)
         self._runtime = runtime.current()
-        self.units = units
-        self.real = np.float64 if double else np.float32
-        self.count = len(problem.points)
-        self._threads = threads
         self._memory = Memory(on_gpu=on_gpu)
-        used = np.unique(problem.points.material_ids)
-        kinds = frozenset(problem.materials[index].kind for index in used)
-        self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
-        self._kernels = make_kernels(double, kinds, on_gpu, self._averaged)
-        self._fluids = np.array([material.kind == "fluid" for material in problem.materials])
+        self._kernels = make_kernels(double, self._kinds, on_gpu, self._averaged)
         self._materials = self._memory.put(material_table(problem, units))
         self._control = np.zeros(words.CONTROL_WIDTH, dtype=np.int32)
-        self._control[words.POINTS] = self.count
+        self._control[words.POINTS] = self._count
         self._batch = np.zeros(words.BATCH_WIDTH)
         self._batch[words.MASS_AXIS + 3] = 1
         self._grid: Any = None
-        self._means: Any = self._memory.empty((1, 2), self.real)
-        self._traced = 0 if problem.points.tracer_positions is None else len(problem.points.tracer_positions)
+        self._means: Any = self._memory.empty((1, 2), self._host_real)
         self._carrier: Any = self._memory.empty((1, 4), np.float64)
-        self._capacity = 0
-        chunks = -(-self.count // at.SURVEY_CHUNK)
-        self._chart = self._memory.put(np.zeros(chunks * at.SURVEY_WIDTH))
+        self._chart = self._memory.put(np.zeros(self._chunks * at.SURVEY_WIDTH))
         self._report = self._memory.put(np.zeros(words.REPORT_WIDTH, dtype=np.int32))
-        if restart is None:
-            self._load(Rows.at_rest(problem, units, self.real))
-            self._load_tracers(TracerRows.at_rest(problem.points, units))
-            self.sort()
-            self._seed()
-        else:
-            rows = Rows.restored(restart, self.count, self.real, engine)
-            self._load(rows)
-            tables = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
-            self._wake(TracerRows.restored(restart, self._traced, engine), tables)
+        self._begin(problem, restart, engine)
 
     def _seed(self) -> None:
-        """Affine velocities that belong to the velocities, and the stress of the start."""
-        # Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
-        # field that the velocities and the last C make together; the passes converge geometrically.
         nothing = np.zeros((0, 0))
-        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((_SEEDING_PASSES, 0, 0)))
+        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((SEEDING_PASSES, 0, 0)))
         self._control[words.SEEDING] = 1
-        self.steps(0, _SEEDING_PASSES)
+        self.steps(0, SEEDING_PASSES)
         self._control[words.SEEDING] = 0
         self._kernels.strain(self._points, self._labels, self._materials, self._put_control())
 
@@ -113,15 +85,15 @@ class Cloud:
         put, empty = self._memory.put, self._memory.empty
         self._x, self._x_spare = put(rows.cells), empty(rows.cells.shape, np.float64)
         points = packed(rows.points)
-        self._points, self._points_spare = put(points), empty(points.shape, self.real)
+        self._points, self._points_spare = put(points), empty(points.shape, self._host_real)
         self._labels, self._labels_spare = put(rows.labels.reshape(-1)), empty((rows.labels.size,), np.int32)
-        self._ids = rows.ids
 
-    def _rows(self) -> Rows:
-        """The points as they are, in the order of `layout`."""
+    def _cell_rows(self) -> Array:
         runtime.require(self._runtime)
-        get = self._memory.get
-        return Rows(cells=get(self._x), points=unpacked(get(self._points)), labels=self._label_rows(), ids=self._ids)
+        return self._memory.get(self._x)
+
+    def _point_rows(self) -> Array:
+        return unpacked(self._memory.get(self._points))
 
     def _label_rows(self) -> Array:
         return self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)
@@ -131,7 +103,6 @@ class Cloud:
         cells = np.concatenate([rows.cells, np.zeros((1, 3))])
         homes = np.concatenate([rows.homes.reshape(-1), np.zeros(1, dtype=np.int32)])
         self._tracers, self._homes = self._memory.put(cells), self._memory.put(homes)
-        self._tracer_ids = rows.ids
 
     def _tracer_rows(self) -> TracerRows:
         runtime.require(self._runtime)
@@ -143,21 +114,12 @@ class Cloud:
     def _put_control(self) -> Any:
         return self._memory.put(self._control) if self._memory.on_gpu else self._control
 
-    def sort(self) -> None:
-        """Put the points into the order of the cells they are in, on a grid that fits them.
-
-        Raises
-        ------
-        FarAwayError, GridTooLargeError
-            Where they have no cell, or the grid would be too large.
-        """
-        runtime.require(self._runtime)
-        if not float(np.abs(self._memory.get(self._x)).max()) < _CELL_LIMIT:
-            raise FarAwayError
+    def _settle(self) -> None:
         self._kernels.settle(self._x, self._labels, self._put_control())
-        tables = self._tabulate(self._label_rows()[:, at.HOME : at.HOME + 3])
+
+    def _permute(self, order: Array) -> None:
         self._kernels.permute(
-            self._memory.put(tables.order),
+            self._memory.put(order),
             self._put_control(),
             self._x,
             self._points,
@@ -169,38 +131,28 @@ class Cloud:
         self._x, self._x_spare = self._x_spare, self._x
         self._points, self._points_spare = self._points_spare, self._points
         self._labels, self._labels_spare = self._labels_spare, self._labels
-        self._ids = self._ids[tables.order]
-        self._wake(self._tracer_rows().settled(), tables)
 
-    def _wake(self, rows: TracerRows, tables: CellTables) -> None:
-        """Sort the tracers, and make the blocks active that they read."""
-        woken = arrange_tracers(rows.homes, tables)
-        self._load_tracers(rows.sorted(woken.order))
+    def _set_grid(self, found: CellTables) -> None:
+        self._control[words.LOWER : words.LOWER + 3] = found.lower
+        self._control[words.SHAPE : words.SHAPE + 3] = found.shape
+        self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = found.colour_offsets
+        self._tiles = self._memory.put(found.tiles.reshape(-1))
+
+    def _make_room(self, nodes: int) -> None:
+        self._grid = None
+        self._grid = self._memory.empty((nodes, 4), np.float64)
+        if self._averaged:
+            self._means = None
+            self._means = self._memory.empty((nodes, 2), self._host_real)
+        if self._traced:
+            self._carrier = None
+            self._carrier = self._memory.empty((nodes, 4), np.float64)
+
+    def _set_active(self, woken: TracerTables, found: CellTables) -> None:
         self._active = self._memory.put(woken.active)
         self._control[words.ACTIVE] = len(woken.active)
         self._control[words.TRACERS] = woken.awake
-        self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(tables)
-
-    def _tabulate(self, home: Array) -> CellTables:
-        """Fit the grid and the tiles to the points' homes."""
-        tables = arrange(home, _NODE_LIMIT, TRACER_MARGIN if self._traced else 0)
-        self._control[words.LOWER : words.LOWER + 3] = tables.lower
-        self._control[words.SHAPE : words.SHAPE + 3] = tables.shape
-        self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = tables.colour_offsets
-        self._tiles = self._memory.put(tables.tiles.reshape(-1))
-        nodes = int(np.prod(tables.shape))
-        if nodes > self._capacity:
-            # Some room to grow into; what is never touched costs no memory.
-            self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
-            self._grid = None
-            self._grid = self._memory.empty((self._capacity, 4), np.float64)
-            if self._averaged:
-                self._means = None
-                self._means = self._memory.empty((self._capacity, 2), self.real)
-            if self._traced:
-                self._carrier = None
-                self._carrier = self._memory.empty((self._capacity, 4), np.float64)
-        return tables
+        self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(found)
 
     def _tickets(self, tables: CellTables) -> Array:
         """Where the phases of a step begin in its tickets, and the end."""
@@ -208,7 +160,7 @@ class Cloud:
         tiles = np.diff(tables.colour_offsets)
         counts = np.zeros(words.PHASES, dtype=np.int32)
         counts[[words.CLEAR, words.UPDATE]] = blocks
-        counts[words.MOVE] = -(-self.count // words.POINTS_A_TICKET)
+        counts[words.MOVE] = -(-self._count // words.POINTS_A_TICKET)
         counts[words.CARRY] = -(-int(self._control[words.TRACERS]) // words.POINTS_A_TICKET)
         counts[words.SCATTER : words.SCATTER + COLOURS] = tiles
         if self._averaged:
@@ -300,34 +252,11 @@ class Cloud:
         self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._chart)
         return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
 
-    def positions(self) -> Array:
-        """(N, 3) [m], in the given order."""
-        runtime.require(self._runtime)
-        positions = np.empty((self.count, 3))
-        positions[self._ids] = self.units.world(self._memory.get(self._x))
-        return positions
-
-    def velocities(self) -> Array:
-        """(N, 3) [m/s], in the given order."""
-        return self._rows().velocities(self.units)
-
-    def deformation_gradients(self) -> Array:
-        """(N, 3, 3), in the given order."""
-        return self._rows().deformation_gradients(self._fluids)
-
-    def tracer_positions(self) -> Array:
-        """(M, 3) [m], in the given order."""
-        return self._tracer_rows().positions(self.units)
-
-    def checkpoint(self) -> dict[str, Array]:
-        """The state, in the engine's own order and units."""
-        return self._rows().checkpoint() | self._tracer_rows().checkpoint()
-
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
         runtime.require(self._runtime)
         points = self._memory.get(self._points).reshape(-1, words.POINT_ROWS, 4)
-        points[members[self._ids], words.VELOCITY, :3] += (change / self.units.speed).astype(self.real)
+        points[members[self._ids], words.VELOCITY, :3] += (change / self.units.speed).astype(self._host_real)
         self._memory.write(self._points, points.reshape(-1, 4))
 
     def close(self) -> None:

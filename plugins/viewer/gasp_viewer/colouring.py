@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gasp_core.harmonics import basis, material_directions
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import Footage, RecordedFootage
-from gasp_viewer.moment import Moment
+from gasp_viewer.current_frame import Moment
 
 __all__ = [
     "BODY_COLOURS",

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from gasp_core.rendering.footage import Footage, RecordedFootage
 from gasp_viewer.colouring import Elements
+from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import SIZE, Stage
 from gasp_viewer.faces import PackedFaces, pack_faces, simplex_faces
-from gasp_viewer.moment import Moment
 from gasp_viewer.packing import PackedSplats, pack_splats
 
 __all__ = ["FACE_LIMIT", "LAYERS", "POINT_LIMIT", "Faces", "GaussianLayer", "Layer", "Packed", "PackedPoints"]

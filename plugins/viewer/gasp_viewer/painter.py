@@ -19,9 +19,9 @@ from gasp_viewer.colouring import (
     round_up,
     trained_colours,
 )
+from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import Stage
 from gasp_viewer.layers import Layer, Packed, layers_of
-from gasp_viewer.moment import Moment
 
 __all__ = ["Eye", "Painter", "Subject"]
 

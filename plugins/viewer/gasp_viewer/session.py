@@ -16,10 +16,10 @@ from gasp_core.errors import RecordingError
 from gasp_core.rendering.footage import Footage, RecordedFootage
 from gasp_core.rendering.framing import Motion
 from gasp_viewer.colouring import colourings_of
+from gasp_viewer.current_frame import first_readable
 from gasp_viewer.display import Display
 from gasp_viewer.display_units import Stage, shown_motion, three_quarter
 from gasp_viewer.layers import LAYERS
-from gasp_viewer.moment import first_readable
 from gasp_viewer.packer import Failure, Packer, Picture, Want
 from gasp_viewer.painter import Eye, Painter, Subject
 from gasp_viewer.panel import Panel, body_legend, scale_legend

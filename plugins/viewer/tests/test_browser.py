@@ -133,6 +133,7 @@ def frame_on_page(page):
     return int(page.get_by_role("slider").first.get_attribute("aria-valuenow"))
 
 
+@pytest.mark.thorough
 def test_a_run_is_seen_moved_and_played_and_the_server_outlives_the_browser(serve, browse, toy_run, tmp_path):
     server = serve(toy_run)
     page, errors = browse(server.address)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 from gasp_viewer import layers
+from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import SIZE, Stage, shown_motion
 from gasp_viewer.faces import PackedFaces
 from gasp_viewer.layers import LAYERS, PackedPoints, layers_of, thinned
-from gasp_viewer.moment import Moment
 from gasp_viewer.packing import PackedSplats
 
 from gasp_core.io import write_splat

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import CellTables, arrange
+from gasp_mpm_host.cells import CellTables
+from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
-from gasp_mpm_host.session import FarAwayError
-from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, arrange_tracers
+from gasp_mpm_host.tracers import TracerRows, TracerTables
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
-from gasp_core.stepping.mpm import averaged_lame
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.blocks import BLOCK_NODES
@@ -31,14 +30,9 @@ __all__ = ["Cloud"]
 
 Array = NDArray[Any]
 
-_NODE_LIMIT = 2**28
-_SEEDING_PASSES = 16
-_CELL_LIMIT = 2.0**30
-"""Cells from the anchor, so that integer cells never overflow."""
 
-
-class Cloud:
-    """The state of a session.
+class Cloud(SortedCloud):
+    """The state of a session; see `gasp_mpm_host.cloud.SortedCloud`.
 
     Parameters
     ----------
@@ -75,45 +69,26 @@ class Cloud:
         atomic: bool,
         native: bool,
     ) -> None:
-        self.units = units
+        super().__init__(problem, units, double=double, threads=threads)
         self._device = device
-        self._threads = threads
         self._atomic = atomic
-        self._count = len(problem.points)
-        self._host_real = np.float64 if double else np.float32
         self._real = wp.float64 if double else wp.float32
-        used = np.unique(problem.points.material_ids)
-        kinds = frozenset(problem.materials[index].kind for index in used)
-        self._traced = 0 if problem.points.tracer_positions is None else len(problem.points.tracer_positions)
-        self._averaged = any(averaged_lame(problem.materials[index]) > 0 for index in used)
-        self._kernels = make_kernels(double, kinds, self._averaged, atomic=atomic, native=native)
+        self._kernels = make_kernels(double, self._kinds, self._averaged, atomic=atomic, native=native)
         runtime.load(self._kernels.module, device)
-        self._fluids = np.array([material.kind == "fluid" for material in problem.materials])
         self._types = algebra(self._real)
         self._acting = Acting()
-        self._chunks = -(-self._count // at.SURVEY_CHUNK)
         # Zeros, because rows of the chart are wider than what is written, and all of it is looked at.
         self._chart = self._put(np.zeros(self._chunks * at.SURVEY_WIDTH), wp.float64)
         self._meeting = self._put(np.zeros(BARRIER_WIDTH), wp.int32)
         self._yield_address = runtime.yield_address()
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
-        self._capacity = 0
         self._tables = self._kernels.tables()
         self._tables.count = self._count
         self._tables.materials = self._put(material_table(problem, units), wp.float64)
         self._tables.report = self._put(np.zeros(REPORT_WIDTH), wp.int32)
         self._tables.means = self._empty(1, self._types.vec2)
         self._tables.carrier = self._empty(1, self._types.vec4)
-        if restart is None:
-            self._load(Rows.at_rest(problem, units, self._host_real))
-            self._load_tracers(TracerRows.at_rest(problem.points, units))
-            self.sort()
-            self._seed()
-        else:
-            rows = Rows.restored(restart, self._count, self._host_real, engine)
-            self._load(rows)
-            tables = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
-            self._wake(TracerRows.restored(restart, self._traced, engine), tables)
+        self._begin(problem, restart, engine)
 
     # ---- memory -----------------------------------------------------------------------------------------------------
 
@@ -144,21 +119,20 @@ class Cloud:
             self._empty(rows.points.size, self._real),
             self._empty(rows.labels.size, wp.int32),
         )
-        self._ids = rows.ids
 
-    def _rows(self) -> Rows:
-        """The rows as they are: on the CPU the very memory, on a GPU a copy."""
-        return Rows(
-            cells=self._tables.x.numpy(),
-            points=self._tables.points.numpy().reshape(-1, at.POINT_WIDTH),
-            labels=self._tables.labels.numpy().reshape(-1, at.LABEL_WIDTH),
-            ids=self._ids,
-        )
+    def _cell_rows(self) -> Array:
+        return self._tables.x.numpy()
+
+    def _point_rows(self) -> Array:
+        """On the CPU the very memory, on a GPU a copy."""
+        return self._tables.points.numpy().reshape(-1, at.POINT_WIDTH)
+
+    def _label_rows(self) -> Array:
+        return self._tables.labels.numpy().reshape(-1, at.LABEL_WIDTH)
 
     def _load_tracers(self, rows: TracerRows) -> None:
         self._tables.tracers = self._put(rows.cells, wp.vec3d)
         self._tables.tracer_homes = self._put(rows.homes.reshape(-1), wp.int32)
-        self._tracer_ids = rows.ids
 
     def _tracer_rows(self) -> TracerRows:
         tables = self._tables
@@ -168,62 +142,40 @@ class Cloud:
 
     # ---- order ------------------------------------------------------------------------------------------------------
 
-    def sort(self) -> None:
-        """Put the points into the order of the cells they are in, on a grid that fits them.
-
-        Raises
-        ------
-        FarAwayError, GridTooLargeError
-            Where they have no cell, or the grid would be too large.
-        """
-        if not float(np.abs(self._tables.x.numpy()).max()) < _CELL_LIMIT:
-            raise FarAwayError
+    def _settle(self) -> None:
         self._launch(self._kernels.settle, self._count)
-        found = self._tabulate(self._rows().labels[:, at.HOME : at.HOME + 3])
-        self._launch(self._kernels.permute, self._count, self._put(found.order, wp.int32), *self._spare)
+
+    def _permute(self, order: Array) -> None:
+        self._launch(self._kernels.permute, self._count, self._put(order, wp.int32), *self._spare)
         tables, spare = self._tables, self._spare
         self._spare = (tables.x, tables.points, tables.labels)
         tables.x, tables.points, tables.labels = spare
-        self._ids = self._ids[found.order]
-        self._wake(self._tracer_rows().settled(), found)
 
-    def _wake(self, rows: TracerRows, found: CellTables) -> None:
-        """Sort the tracers, and make the blocks active that they read."""
-        woken = arrange_tracers(rows.homes, found)
-        self._load_tracers(rows.sorted(woken.order))
-        tables = self._tables
-        tables.tracer_count = woken.awake
-        tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
-
-    def _tabulate(self, home: Array) -> CellTables:
-        """Fit the grid and the tiles to the points' homes."""
-        found = arrange(home, _NODE_LIMIT, TRACER_MARGIN if self._traced else 0)
+    def _set_grid(self, found: CellTables) -> None:
         tables = self._tables
         tables.lower, tables.shape = wp.vec3i(*found.lower.tolist()), wp.vec3i(*found.shape.tolist())
         tables.tiles = self._put(found.tiles.reshape(-1), wp.int32)
         tables.colours = self._put(found.colour_offsets, wp.int32)
-        nodes = int(np.prod(found.shape))
-        if nodes > self._capacity:
-            # Some room to grow into; what is never touched costs no memory.
-            self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
-            # One more, because native code reads nodes four at a time.
-            tables.grid = self._empty(self._capacity + 1, self._types.vec4)
-            if self._averaged:
-                tables.means = self._empty(self._capacity, self._types.vec2)
-            if self._traced:
-                tables.carrier = self._empty(self._capacity + 1, self._types.vec4)
-        return found
+
+    def _make_room(self, nodes: int) -> None:
+        tables = self._tables
+        # One more, because native code reads nodes four at a time.
+        tables.grid = self._empty(nodes + 1, self._types.vec4)
+        if self._averaged:
+            tables.means = self._empty(nodes, self._types.vec2)
+        if self._traced:
+            tables.carrier = self._empty(nodes + 1, self._types.vec4)
+
+    def _set_active(self, woken: TracerTables, found: CellTables) -> None:
+        tables = self._tables
+        tables.tracer_count = woken.awake
+        tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
 
     # ---- stepping ---------------------------------------------------------------------------------------------------
 
     def _seed(self) -> None:
-        """Affine velocities that belong to the velocities, and the stress of the start.
-
-        Started with C = 0, a spinning block would hide a part of its angular momentum. Every pass takes C from the
-        field that the velocities and the last C make together; the passes converge geometrically.
-        """
         self._tables.report.zero_()
-        for _ in range(_SEEDING_PASSES):
+        for _ in range(SEEDING_PASSES):
             self._scatter()
             self._launch(self._kernels.settle_nodes, self._tables.active_count)
             self._launch(self._kernels.learn_affine, self._count)
@@ -330,29 +282,9 @@ class Cloud:
         )
         return Survey.of(self._chart.numpy().reshape(-1, at.SURVEY_WIDTH), self.units)
 
-    def positions(self) -> Array:
-        """(N, 3) [m], in the given order."""
-        return self._rows().positions(self.units)
-
-    def velocities(self) -> Array:
-        """(N, 3) [m/s], in the given order."""
-        return self._rows().velocities(self.units)
-
-    def deformation_gradients(self) -> Array:
-        """(N, 3, 3), in the given order."""
-        return self._rows().deformation_gradients(self._fluids)
-
-    def tracer_positions(self) -> Array:
-        """(M, 3) [m], in the given order."""
-        return self._tracer_rows().positions(self.units)
-
-    def checkpoint(self) -> dict[str, Array]:
-        """The state, in the engine's own order and units."""
-        return self._rows().checkpoint() | self._tracer_rows().checkpoint()
-
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
-        points = self._rows().points
+        points = self._point_rows()
         points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
         if not self._device.is_cpu:
             self._tables.points.assign(points.reshape(-1))

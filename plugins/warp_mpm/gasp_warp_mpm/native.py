@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_core.stepping.mpm import GRADIENT_SHARE
+from gasp_warp_mpm.native_words import PRECISION_WORDS, SHARED_WORDS
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, Acting, tables_of
 
 __all__ = ["GROUP", "make_native"]
@@ -332,38 +332,10 @@ _LEFT = """
     return left;
 """
 
-_WORDS = {
-    False: {
-        "REAL": "float",
-        "DIGITS": "23",
-        "BIAS": "127",
-        "TERMS": "5",
-        "CONVERGED": "1e-7",
-        "LN2_HIGH": "0.693359375",
-        "LN2_LOW": "-2.121944400546905827679e-4",
-    },
-    True: {
-        "REAL": "double",
-        "DIGITS": "52",
-        "BIAS": "1023",
-        "TERMS": "10",
-        "CONVERGED": "1e-15",
-        "LN2_HIGH": "6.93147180369123816490e-01",
-        "LN2_LOW": "1.90821492927058770002e-10",
-    },
-}
-_SHARED_WORDS = {
-    "WELL_SHAPED": "1e-6",
-    "SMALLEST_VOLUME": "0.05",
-    "FOLDED": f"(REAL){1 - GRADIENT_SHARE!r}",
-    "SHARED": f"(REAL){-GRADIENT_SHARE / 4!r}",
-    "SHARE": f"(REAL){GRADIENT_SHARE!r}",
-}
-
 
 def _code(double: bool, *parts: str, **words: str) -> str:
     """A function's body: the parts with their words replaced, until none is left."""
-    words = words | _SHARED_WORDS | _WORDS[double] | {"STENCIL": _STENCIL, "COLLECT": _COLLECT}
+    words = words | SHARED_WORDS | PRECISION_WORDS[double] | {"STENCIL": _STENCIL, "COLLECT": _COLLECT}
     pattern = re.compile(rf"\b({'|'.join(words)})\b")
     text = _PRELUDE + "".join(parts)
     while pattern.search(text):

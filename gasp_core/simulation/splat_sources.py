@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.dynamics.callables import function_digest
 from gasp_core.dynamics.composition import Played, play
-from gasp_core.dynamics.sequence import frame_files
+from gasp_core.dynamics.frame_sequence import frame_files
+from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.reduction.assembly import Assembly, assemble

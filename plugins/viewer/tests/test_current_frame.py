@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from gasp_viewer.moment import Moment, finite_difference
+from gasp_viewer.current_frame import Moment, finite_difference
 
 from gasp_core.rendering.footage import open_footage
 

@@ -18,9 +18,9 @@ from gasp_core.reduction.assembly import Body
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import motion_table, scene_to_toml
-from gasp_core.simulation.choice import ChosenEngine, distribution_version
+from gasp_core.simulation.engine_choice import ChosenEngine, distribution_version
 from gasp_core.simulation.initial_overlap import starts_inside
-from gasp_core.simulation.sources import Prepared
+from gasp_core.simulation.splat_sources import Prepared
 
 __all__ = ["header_of"]
 

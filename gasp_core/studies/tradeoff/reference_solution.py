@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.accuracy.trajectories import SimplicesAt, TrajectoryDistance, distance, distance_from
-from gasp_core.dynamics.callables import load_function
+from gasp_core.dynamics.function_motion import load_function
 from gasp_core.errors import AccuracyError, SceneError
 from gasp_core.recording.reader import Recording
 from gasp_core.studies.tradeoff.richardson import Remainder

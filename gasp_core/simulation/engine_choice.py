@@ -18,8 +18,8 @@ from gasp_core.discovery.registry import discover
 from gasp_core.engines.opening import open_engine, open_worker
 from gasp_core.engines.worker.session import Limits
 from gasp_core.errors import SceneError
-from gasp_core.scene.choices import EngineChoice
 from gasp_core.scene.model import Scene
+from gasp_core.scene.settings import EngineChoice
 
 __all__ = ["ChosenEngine", "choose_engine", "distribution_version"]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gasp_reference_mpm.constitution import (
+from gasp_reference_mpm.constitutive import (
     drucker_prager_projection,
     fixed_corotated_stress,
     fluid_deformation,

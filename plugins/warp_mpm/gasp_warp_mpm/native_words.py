@@ -1,0 +1,44 @@
+"""The constants of native code: what stands for each word of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from gasp_core.stepping.mpm import GRADIENT_SHARE
+
+__all__ = ["PRECISION_WORDS", "SHARED_WORDS"]
+
+PRECISION_WORDS: Mapping[bool, Mapping[str, str]] = MappingProxyType(
+    {
+        False: {
+            "REAL": "float",
+            "DIGITS": "23",
+            "BIAS": "127",
+            "TERMS": "5",
+            "CONVERGED": "1e-7",
+            "LN2_HIGH": "0.693359375",
+            "LN2_LOW": "-2.121944400546905827679e-4",
+        },
+        True: {
+            "REAL": "double",
+            "DIGITS": "52",
+            "BIAS": "1023",
+            "TERMS": "10",
+            "CONVERGED": "1e-15",
+            "LN2_HIGH": "6.93147180369123816490e-01",
+            "LN2_LOW": "1.90821492927058770002e-10",
+        },
+    }
+)
+"""By whether numbers are doubles: the type, its layout, and where series and iterations end in it."""
+SHARED_WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        "WELL_SHAPED": "1e-6",
+        "SMALLEST_VOLUME": "0.05",
+        "FOLDED": f"(REAL){1 - GRADIENT_SHARE!r}",
+        "SHARED": f"(REAL){-GRADIENT_SHARE / 4!r}",
+        "SHARE": f"(REAL){GRADIENT_SHARE!r}",
+    }
+)
+"""Of both: bounds, and how much of the velocity gradient is that of the slopes."""
