@@ -6,9 +6,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/mujoco_flex plugins/genesis_mpm plugins/blender plugins/renderer plugins/viewer conformance_tests
 NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-mujoco-flex gasp-genesis-mpm gasp-blender gasp-renderer gasp-viewer gasp-conformance
-# Engines that the suite judges in `make test`, two at a time; ":" stands for a space.
+# What the suite judges in `make test`, two at a time, and in `make test-slow`; ":" stands for a space. Every engine and
+# every precision is in the first; each engine's tests compare it with the reference in both precisions besides.
 ORACLE := --oracle:reference-mpm
-QUICK := reference-mpm $(foreach engine,warp-mpm taichi-mpm,$(engine):$(ORACLE) $(engine):$(ORACLE):--precision:float64)
+QUICK := reference-mpm warp-mpm:$(ORACLE) taichi-mpm:$(ORACLE):--precision:float64
+QUICK_SLOW := warp-mpm:$(ORACLE):--precision:float64 taichi-mpm:$(ORACLE)
+JUDGE := tr : ' ' | xargs -P 2 -I{} sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$code'
+# A room is a folder of tests/, a plugin, or the suite; make test ROOM=reduction runs what concerns it alone.
+ROOM_TESTS = $(firstword $(wildcard tests/$(ROOM) plugins/$(ROOM)/tests $(if $(filter conformance,$(ROOM)),conformance_tests/tests)))
 GASP_DATA ?= ../shared/data
 export GASP_DATA
 export ENABLE_TAICHI_HEADER_PRINT := 0
@@ -43,11 +48,21 @@ check: $(STAMP) ## Lint, types, who may import whom
 	@$(BIN)/basedpyright --level error
 	@$(BIN)/lint-imports --no-cache
 
+ifdef ROOM
 .PHONY: test
-test: check ## Everything that has to be true, in under 15 minutes on two cores
+test: $(STAMP)
+	@test -n "$(ROOM_TESTS)" || { echo "make: no room $(ROOM): choose a folder of tests/, a plugin's folder or conformance" >&2; exit 2; }
+	@$(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist worksteal $(ROOM_TESTS)
+else
+.PHONY: test
+test: check ## Everything that has to be true, in under 15 minutes on two cores; ROOM=reduction: one room in 20 s
 	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
-	@printf '%s\n' $(QUICK) | tr : ' ' | xargs -P 2 -I{} \
-		sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$code'
+	@printf '%s\n' $(QUICK) | $(JUDGE)
+endif
+
+.PHONY: rooms
+rooms: $(STAMP) ## Which room takes how long to test, and which tests cost most
+	@$(BIN)/python benchmarks/test_rooms.py
 
 .PHONY: matrix
 matrix: $(STAMP) ## The whole suite on every engine that is ready; its verdicts go into the README
@@ -67,6 +82,21 @@ template: $(STAMP) ## Copy the reference engine outside the tree, build wheels, 
 .PHONY: test-slow
 test-slow: $(STAMP) ## The checks that take minutes each
 	@$(BIN)/python -m pytest -m slow
+	@printf '%s\n' $(QUICK_SLOW) | $(JUDGE)
+
+MINIMUM := .venv-minimum
+.PHONY: test-minimum
+test-minimum: $(STAMP) ## The quick tests with the lowest version of everything that pyproject.toml promises
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11, 3.12 or 3.13 found; install one or give PYTHON=/path/to/python" >&2; exit 2; }
+	@$(BIN)/python -m pip install --quiet uv
+	@mkdir -p build
+	@printf -- '-e ./%s\n' '.[dev]' $(wordlist 2,99,$(OWN)) | $(BIN)/uv pip compile --quiet --resolution lowest-direct \
+		--python $(PYTHON) --no-emit-index-url --no-header --no-annotate $(foreach own,$(NAMES),--no-emit-package $(own)) \
+		--output-file build/minimum.txt - >/dev/null
+	@$(PYTHON) -m venv --clear $(MINIMUM)
+	@$(BIN)/uv pip install --quiet --python $(MINIMUM) -r build/minimum.txt
+	@$(BIN)/uv pip install --quiet --python $(MINIMUM) --no-deps --no-build-isolation $(addprefix -e ./,$(OWN))
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not thorough" -n 2 --dist loadfile
 
 .PHONY: test-environments
 test-environments: $(STAMP) ## Build the environments of Genesis and Blender (5 GB), and test both engines in them
@@ -87,4 +117,4 @@ lock: $(STAMP) ## Pin every dependency anew
 
 .PHONY: clean
 clean: ## Remove the environment and what was made
-	rm -rf $(VENV) gasp-demo*
+	rm -rf $(VENV) $(MINIMUM) gasp-demo*

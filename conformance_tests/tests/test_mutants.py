@@ -137,10 +137,14 @@ def endings(installed: None, pytester: pytest.Pytester) -> Any:
 
 def _caught() -> Iterator[Any]:
     """Every mutant with the checks it is caught by, quick ones and slow ones apart."""
+    modules: set[str] = set()
     for kind in MUTANTS.values():
         quick = [name for name in kind.caught_by if name not in kind.slow]
         if quick:
-            yield pytest.param(kind, quick, id=kind.name)
+            # One of every module stands for the others while one works on the suite.
+            further = (pytest.mark.thorough,) if kind.__module__ in modules else ()
+            modules.add(kind.__module__)
+            yield pytest.param(kind, quick, id=kind.name, marks=further)
         if kind.slow:
             yield pytest.param(kind, kind.slow, id=f"{kind.name}, slowly", marks=pytest.mark.slow)
 
@@ -184,7 +188,9 @@ def _catching(slow: bool) -> list[str]:
     return sorted(names)
 
 
-@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["quick", "slow"])
+# Slow, the quick ones too: `make test` has the suite itself judge the right engine.
+@pytest.mark.slow
+@pytest.mark.parametrize("slow", [False, True], ids=["quick", "slow"])
 def test_the_right_engine_passes_what_catches_them(endings: Any, slow: bool) -> None:
     names = _catching(slow)
     assert endings(RIGHT, names) == dict.fromkeys(names, "")

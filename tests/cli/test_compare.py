@@ -25,6 +25,7 @@ def test_a_table_and_a_page(gasp, both, workplace):
     assert "--overwrite" in again.err
 
 
+@pytest.mark.thorough
 def test_json_for_programs(gasp, both, workplace):
     found = gasp("compare", "scene.toml", "--engines", "ballistic,frail", "--json", "--size", "64", "--out", "look")
     assert (found.status, found.err) == (0, "")

@@ -63,6 +63,7 @@ def test_a_device_or_precision_asked_for_by_name_is_not_replaced(refused):
     refused("run", "scene.toml", "--precision", "float32", says=["float32"])
 
 
+@pytest.mark.thorough
 def test_compare_and_tradeoff_take_a_device_too(gasp, refused, workplace):
     found = gasp("compare", "scene.toml", "--engines", "ballistic", "--device", "moon", "--size", "64")
     assert found.status == 2
@@ -94,6 +95,7 @@ def test_a_scene_in_single_precision_runs_with_an_engine_that_has_none(gasp, sin
         assert note in recording.notes
 
 
+@pytest.mark.thorough
 def test_a_comparison_tells_the_same_and_of_a_broken_engine_only_that_it_is_broken(gasp, installed, single):
     installed("ballistic", "unimportable")
     told = gasp("compare", "single.toml", "--engines", "ballistic,unimportable", "--size", "64", "--json")
@@ -107,6 +109,7 @@ def test_a_comparison_tells_the_same_and_of_a_broken_engine_only_that_it_is_brok
     ]
 
 
+@pytest.mark.thorough
 def test_a_trade_tells_of_the_device_and_names_its_precisions_itself(gasp, single):
     few = ("--engine", "ballistic", "--resolutions", "6", "--fractions", "all", "--repeats", "1")
     told = gasp("tradeoff", "single.toml", *few, "--out", "trade")

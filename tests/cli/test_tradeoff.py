@@ -32,6 +32,7 @@ def truth(workplace):
     return workplace
 
 
+@pytest.mark.thorough
 def test_a_closed_form(gasp, truth):
     outcome = gasp(
         *("tradeoff", "scene.toml", "--resolutions", "8,12", "--fractions", "all,0.5", "--precisions", "float64"),
@@ -73,6 +74,7 @@ def test_a_closed_form(gasp, truth):
     assert again.status == 2 and "there is a result already" in again.err
 
 
+@pytest.mark.thorough
 def test_a_finer_run_as_truth_and_a_row_that_cannot_be(gasp, workplace):
     """What flies in closed form is right at any resolution; the engine has no float32."""
     outcome = gasp(
@@ -91,6 +93,7 @@ def test_a_finer_run_as_truth_and_a_row_that_cannot_be(gasp, workplace):
     assert Recording.open(workplace / "kept" / "recordings" / "6-all-float64-0.5.gasp").status == "complete"
 
 
+@pytest.mark.thorough
 def test_a_crash_is_a_row_and_where_all_crash_nothing_is_left(gasp, truth, installed):
     installed("frail", "ballistic")
     scene = truth / "scene.toml"
@@ -121,7 +124,14 @@ def test_what_is_there_already_is_not_touched(refused, gasp, truth):
     assert not mine.exists()
 
 
-@pytest.mark.parametrize("name", ["is_short", "is_nan", "fails"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "is_short",
+        pytest.param("is_nan", marks=pytest.mark.thorough),
+        pytest.param("fails", marks=pytest.mark.thorough),
+    ],
+)
 def test_a_truth_that_is_none(gasp, truth, name):
     outcome = gasp(
         *("tradeoff", "scene.toml", "--resolutions", "8", "--fractions", "all", "--repeats", 1),

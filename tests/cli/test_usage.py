@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from gasp_core.cli.group import BUILT_IN, gasp
+from gasp_core.cli.command_group import BUILT_IN, gasp
 from gasp_core.cli.main import FAILED, INTERRUPTED, main
 
 

@@ -220,6 +220,7 @@ def building(away, endless_index):
         yield process
 
 
+@pytest.mark.thorough
 def test_ctrl_c_leaves_nothing_of_a_build(away, building):
     building.send_signal(signal.SIGINT)
     _, err = building.communicate(timeout=PATIENCE)
@@ -229,6 +230,7 @@ def test_ctrl_c_leaves_nothing_of_a_build(away, building):
     assert everything(folder_of(away).parent) == [".away.lock"]
 
 
+@pytest.mark.thorough
 def test_a_killed_build_is_no_environment_and_the_next_begins_anew(away, building, monkeypatch, capfd):
     (pip,) = psutil.Process(building.pid).children()
     building.kill()

@@ -89,7 +89,7 @@ def _group(pid):
         return None
 
 
-@pytest.mark.parametrize("fault", ["segfault", "kill", "hang", "error"])
+@pytest.mark.parametrize("fault", ["segfault", "kill", pytest.param("hang", marks=pytest.mark.thorough), "error"])
 def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, gone, told, logs):
     from gasp_core.engines.worker.session import Limits
 
@@ -189,7 +189,7 @@ def test_an_interpreter_that_is_not_there(tmp_path, logs):
     assert logs() == []
 
 
-@pytest.mark.parametrize("fault", ["segfault", "kill", "hang", "error"])
+@pytest.mark.parametrize("fault", ["segfault", "kill", pytest.param("hang", marks=pytest.mark.thorough), "error"])
 def test_the_frames_before_a_crash_are_kept(registry, scene, tmp_path, fault):
     out = tmp_path / "run.gasp"
     chosen = scene(isolate=True, frame_limit=2.0, options={"fault": fault, "fault_time": 0.2})

@@ -13,7 +13,6 @@ import pytest
 from gasp_core import Recording
 
 HERE = Path(__file__).parent
-TRIALS = 20
 
 
 def _scenery():
@@ -24,7 +23,8 @@ def _scenery():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
-def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_same(run, tmp_path):
+@pytest.mark.parametrize("trials", [5, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_same(run, tmp_path, trials):
     scenery = _scenery()
     scene = scenery.scene()
     whole = run(scene, tmp_path / "whole.gasp")
@@ -33,14 +33,14 @@ def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_s
     killed.mkdir()
     environment = {**os.environ, "PYTHONPATH": str(HERE)}
     subprocess.run(
-        [sys.executable, str(HERE / "killed_runs.py"), str(killed), str(TRIALS), "20"],
+        [sys.executable, str(HERE / "killed_runs.py"), str(killed), str(trials), "20"],
         check=True,
         env=environment,
         timeout=300,
         stdout=subprocess.DEVNULL,
     )
     stopped_within = 0
-    for trial in range(TRIALS):
+    for trial in range(trials):
         path = killed / f"{trial}.gasp"
         if path.exists():
             recording = Recording.open(path)
@@ -61,5 +61,5 @@ def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_s
         for leftover in path.rglob("*"):
             assert "part" not in leftover.name, leftover
     # The moments are drawn so that most fall into the run; a loaded machine shifts them, hence not all.
-    assert stopped_within >= TRIALS // 2
-    assert sorted(entry.name for entry in killed.iterdir()) == sorted(f"{trial}.gasp" for trial in range(TRIALS))
+    assert stopped_within >= trials // 2
+    assert sorted(entry.name for entry in killed.iterdir()) == sorted(f"{trial}.gasp" for trial in range(trials))

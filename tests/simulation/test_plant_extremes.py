@@ -65,6 +65,7 @@ def sound(run):
     return run
 
 
+@pytest.mark.thorough
 def test_it_comes_to_rest_on_the_floor_not_above_it(plant):
     run = sound(gasp.simulate(dropped(plant, youngs_modulus=2e5, frames=15)))
     rest = run.points(run.frame_count - 1)

@@ -12,8 +12,10 @@ from gasp_core.engines.opening import open_engine
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.reduction.assembly import moved_gaussians
 from gasp_core.scene.placement import upright
-from gasp_core.simulation.sources import prepare
+from gasp_core.simulation.splat_sources import prepare
 
+# Several times as large as the others, each the same kind of file as one that is quick.
+LARGE = ["splats/playbot/0_0", "splats/playbot/1_0", "splats/playbot/2_0", "meshlike/spot_100k.splat"]
 FILES = [
     "splats/fruit_drops_minimal.ply",
     "splats/guitar.compressed.ply",
@@ -26,12 +28,21 @@ FILES = [
     "splats/statue-massa.sog",
     "splats/statue-st-peter.sog",
     "splats/train-1000.ply",
-    *(f"splats/playbot/{level}_0" for level in range(7)),
+    *(f"splats/playbot/{level}_0" for level in range(3, 7)),
     "meshlike/spot_10k.splat",
-    "meshlike/spot_100k.splat",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in LARGE),
 ]
-TURNED = ["splats/fruit_drops_minimal.ply", "splats/playbot/5_0", "splats/skull_inria_sh3.ply"]
-OPENED = ["splats/fruit_drops_minimal.ply", "splats/playbot/3_0", "splats/statue-massa.sog", "splats/skull.sog"]
+TURNED = [
+    "splats/fruit_drops_minimal.ply",
+    "splats/playbot/5_0",
+    pytest.param("splats/skull_inria_sh3.ply", marks=pytest.mark.thorough),
+]
+OPENED = [
+    "splats/fruit_drops_minimal.ply",
+    "splats/playbot/3_0",
+    "splats/statue-massa.sog",
+    pytest.param("splats/skull.sog", marks=pytest.mark.thorough),
+]
 
 
 def covariance_error(found, wanted):

@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-from pathlib import Path
-from time import sleep
-
-import gasp_blender
 import numpy as np
 import pytest
 from gasp_blender.meshes import mesh_object
 
-import gasp_core
 from gasp_core.contract import (
-    BoxShape,
     Collider,
     ContactCondition,
-    Driven,
     Elastic,
     Field,
     HalfSpace,
-    Impulse,
-    Pinned,
     PointCloud,
     PointProblem,
     Rigid,
@@ -31,13 +20,14 @@ from gasp_core.contract import (
     Status,
     Wind,
 )
-from gasp_core.discovery.environments import ready_python
-from gasp_core.discovery.registry import discover
 from gasp_core.errors import SceneError
 
 ROUNDING = 2.0**-24
+
 FLOOR = HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
+
 EVERYTHING = frozenset({Field.POSITIONS, Field.VELOCITIES})
+
 G = 9.81
 
 
@@ -257,75 +247,6 @@ def test_a_coarser_cage_than_asked_for_is_told(kit):
     assert reports[1].warnings == ()
 
 
-def two_blocks(kit, apart, velocity, materials, density=1.0):
-    """Blocks of 3 cells of 0.1 m, the second one `apart` (3,) [m] from the first, flying at `velocity` (3,) [m/s]."""
-    points = kit.block((3, 3, 3), 0.1)
-    count = len(points)
-    cloud = PointCloud(
-        reference_positions=np.concatenate([points, points + apart]),
-        initial_velocities=np.repeat([[0.0, 0, 0], velocity], count, axis=0),
-        reference_volumes=np.full(2 * count, 1.25e-4),
-        material_ids=np.repeat([0, len(materials) - 1], count),
-        body_ids=np.repeat([0, 1], count),
-    )
-    return PointProblem(points=cloud, materials=materials, gravity=(0, 0, 0))
-
-
-def test_bodies_that_pass_through_each_other_are_told(kit):
-    rigid = Rigid(density=700.0)
-    for materials, options, told in (
-        ((kit.rubber,), {}, 0),
-        ((rigid,), {}, 0),
-        ((kit.rubber, rigid), {}, 1),
-    ):
-        with kit.open(two_blocks(kit, (1.0, 0, 0), (0, 0, 0), materials), **options) as session:
-            assert len(session.advance_to(0.001).warnings) == told
-            assert session.advance_to(0.002).warnings == ()
-
-
-@pytest.mark.parametrize("aside", [(0.0, 0.0), (0.13, 0.07)])
-@pytest.mark.parametrize("mach", [0.1, 0.5])
-def test_elastic_bodies_collide(kit, aside, mach):
-    """Blender's soft bodies leave a gap to each other, or pass through."""
-    light = Elastic(density=300.0, youngs_modulus=1e5, poissons_ratio=0.25)
-    heavy = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.25)
-    speed = mach * 10.0
-    problem = two_blocks(kit, (0.35, *aside), (-speed, 0, 0), (light, heavy))
-    masses = problem.masses
-    start = masses @ problem.points.initial_velocities
-    energy = (masses[:, None] * problem.points.initial_velocities**2).sum()
-    one, other = np.arange(len(masses)) < len(masses) // 2, np.arange(len(masses)) >= len(masses) // 2
-    with kit.open(problem) as session:
-        # They meet after 0.05 m, and a wave goes through both and back in 0.06 s.
-        for time in np.linspace(0, 0.05 / speed + 0.15, 31)[1:]:
-            session.advance_to(float(time))
-            state = session.read(EVERYTHING)
-            apart = state.positions[other, 0].mean() - state.positions[one, 0].mean()
-            # They are 0.3 m long, and lose at most v / c of that each.
-            assert apart > 0.3 * (1 - mach)
-            # Impulses are equal and opposite; places in float32 of a voxel lose 1e-7 in each of some hundred steps.
-            np.testing.assert_allclose(masses @ state.velocities, start, atol=1e-5 * np.abs(start).max())
-            assert (masses[:, None] * state.velocities**2).sum() <= 1.001 * energy
-    # The light one was struck: it parts from what struck it, with at least a fifth of the speed they met with.
-    assert (state.velocities[other] - state.velocities[one])[:, 0].mean() > 0.2 * speed
-
-
-def test_what_starts_on_another_body_rests_on_it_and_what_starts_inside_is_told(kit):
-    for lift, told in ((0.3, 0), (0.15, 1)):
-        problem = two_blocks(
-            kit, (0, 0, lift), (0, 0, 0), (Elastic(density=1000.0, youngs_modulus=1e6, poissons_ratio=0),)
-        )
-        points = problem.points
-        floored = PointProblem(points=points, materials=problem.materials, colliders=(Collider(shape=FLOOR),))
-        with kit.open(floored) as session:
-            report = session.advance_to(0.3)
-            fallen = (points.reference_positions - session.read(EVERYTHING).positions)[:, 2]
-        assert len(report.warnings) == told
-        if not told:
-            # Of a column of 0.6 m on a floor, rho g H^2 / 2E = 1.8 mm at rest and twice that as it swings.
-            assert fallen.max() < 2.5 * 1000 * G * 0.6**2 / 2e6
-
-
 def test_meshes_that_are_not_finite_are_refused():
     """`Mesh.validate` makes numbers of them."""
     with pytest.raises(SceneError, match="1 vertices that are not finite, first 2"):
@@ -418,100 +339,6 @@ def test_rigid_and_elastic_bodies_go_on_from_a_checkpoint(kit):
         assert np.array_equal(found.velocities, expected.velocities), material
 
 
-def in_its_environment(code):
-    """A Python in the engine's environment that runs `code`, in a process group of its own."""
-    python = ready_python(discover().descriptor("blender"))
-    homes = [str(Path(package.__file__).parents[1]) for package in (gasp_core, gasp_blender)]
-    surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(homes)}
-    return subprocess.run(
-        [str(python), "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env=surroundings,
-        start_new_session=True,
-    )
-
-
-def test_the_process_ends_with_its_status_and_nothing_printed(kit):
-    """Blender prints to standard output, and its clearing up crashes outside the main thread, or hangs."""
-    run = in_its_environment(
-        "import sys, threading\n"
-        "from gasp_blender.engine import Blender\n"
-        "thread = threading.Thread(target=Blender); thread.start(); thread.join()\n"
-        "sys.exit(7)\n"
-    )
-    assert (run.returncode, run.stdout) == (7, ""), run.stderr[-500:]
-
-
-@pytest.mark.parametrize("ending", ["sys.exit(0)", "os._exit(3)", "os.killpg(os.getpid(), signal.SIGKILL)"])
-def test_nothing_is_left_however_the_process_ends(kit, ending):
-    """States of soft bodies lie in files, in memory where there is a folder for that, and Blender has a folder, too."""
-    run = in_its_environment(
-        "import os, signal, sys\n"
-        "from gasp_blender.bpy_runtime import studio\n"
-        "bpy, folder = studio()\n"
-        "assert folder.is_dir() and os.path.isdir(bpy.app.tempdir)\n"
-        "print(folder.parent, bpy.app.tempdir, flush=True)\n"
-        f"{ending}\n"
-    )
-    folders = [Path(name) for name in run.stdout.split()]
-    assert len(folders) == 2, run.stderr[-500:]
-    # Who removes them waits for the end of the process, and may take a moment where much else runs.
-    for _ in range(100):
-        if not any(folder.exists() for folder in folders):
-            break
-        sleep(0.1)
-    assert not [folder for folder in folders if folder.exists()]
-
-
-def test_points_are_carried_as_blenders_lattice_carries_them(kit):
-    """Trilinear weights are what its Lattice modifier has between linear keys."""
-    run = in_its_environment(
-        "import numpy as np\n"
-        "from gasp_blender.cage import build_cage, gather\n"
-        "from gasp_blender.meshes import mesh_object\n"
-        "from gasp_blender.bpy_runtime import evaluated, new_scene, quiet, studio\n"
-        "rng = np.random.default_rng(3)\n"
-        "size, counts = np.array([0.4, 0.3, 0.2]), np.array([4, 3, 2])\n"
-        "points = np.concatenate([rng.random((20_000, 3)), np.eye(3), 1 - np.eye(3)]) * size\n"
-        "cage = build_cage(points, 0.0, 0.1, 1000)\n"
-        "moves = rng.normal(0, 0.03, cage.nodes.shape)\n"
-        "with quiet():\n"
-        "    bpy, _ = studio()\n"
-        "    scene = new_scene()\n"
-        "    lattice = bpy.data.lattices.new('lattice')\n"
-        "    lattice.points_u, lattice.points_v, lattice.points_w = (counts + 1).tolist()\n"
-        "    for axis in 'uvw':\n"
-        "        setattr(lattice, 'interpolation_type_' + axis, 'KEY_LINEAR')\n"
-        "    keys = np.array([key.co for key in lattice.points])\n"
-        "    spread = np.ptp(keys, axis=0)\n"
-        "    places = (keys - keys.min(axis=0)) / spread * size\n"
-        "    for key, rest, place in zip(lattice.points, keys, places):\n"
-        "        node = int(np.argmin(np.abs(cage.nodes - place).sum(axis=1)))\n"
-        "        assert np.abs(cage.nodes[node] - place).max() < 1e-6\n"
-        "        key.co_deform = (rest + moves[node] * spread / size).tolist()\n"
-        "    around = bpy.data.objects.new('around', lattice)\n"
-        "    around.scale = (size / spread).tolist()\n"
-        "    around.location = (-keys.min(axis=0) * size / spread).tolist()\n"
-        "    scene.collection.objects.link(around)\n"
-        "    carried = mesh_object(scene, points)\n"
-        "    carried.modifiers.new('lattice', 'LATTICE').object = around\n"
-        "    mesh = carried.evaluated_get(evaluated(scene, 1)).data\n"
-        "    found = np.empty(points.size, np.float32)\n"
-        "    mesh.vertices.foreach_get('co', found)\n"
-        "found = found.reshape(-1, 3)\n"
-        "ours = points + gather(cage, moves)\n"
-        "print(np.abs(ours - found).max(), np.abs(ours - points).max())\n"
-    )
-    assert run.returncode == 0, run.stderr[-2000:]
-    off, moved = map(float, run.stdout.split())
-    # Some eight sums of products in float32, of numbers below the lattice's four keys, in voxels of 0.1 m.
-    assert off < 8 * 4 * ROUNDING * 0.1 + 8 * ROUNDING * 0.4
-    assert moved > 0.03
-
-
 def test_turbulence_is_as_strong_as_it_says_whatever_the_step(kit):
     """Blender's fields go with the frame rate, and turn round where a soft body has friction."""
     problem = kit.problem(kit.block((8, 8, 8), 0.1), 0.1, gravity=(0, 0, 0))
@@ -525,111 +352,3 @@ def test_turbulence_is_as_strong_as_it_says_whatever_the_step(kit):
     # Some hundred cells of noise, and points lie between nodes, which averages: by a third or so.
     strength = float(np.sqrt((found[0] ** 2).sum(axis=1).mean()))
     assert 2.0 < strength < 7.0
-
-
-def rigid_run(kit, times, step=1 / 240, **scene):
-    """States of a rigid block of 1.4 kg about (0.05, 0.05, 0.55) m."""
-    points = kit.block((1, 1, 1), 0.1, corner=(0, 0, 0.5))
-    problem = kit.problem(points, 0.1, material=Rigid(density=1400.0), **scene)
-    with kit.open(problem, substep=step) as session:
-        for time in times:
-            session.advance_to(time)
-            yield points, session.read(EVERYTHING)
-
-
-def test_rigid_bodies_are_struck_on_the_way(kit):
-    """Bullet has no property for a velocity."""
-    upper = BoxShape(center=(0.05, 0.05, 0.6), half_extents=(0.06, 0.06, 0.05))
-    impulse = Impulse(region=upper, impulse=(0.7, 0, 0), start=0.1)
-    (points, before), (_, after) = rigid_run(kit, (0.1, 0.2), drives=(impulse,), gravity=(0, 0, 0))
-    np.testing.assert_allclose(before.positions, points, atol=1e-6)
-    np.testing.assert_allclose(after.velocities.mean(axis=0), [0.5, 0, 0], atol=1e-5)
-    # The upper half, whose points are 2.5 cm above the centre, is struck: m k^2 of eight points there is 2 m 0.025^2.
-    spin = 0.7 * 0.025 / (1.4 * 2 * 0.025**2)
-    arms = after.positions - after.positions.mean(axis=0)
-    np.testing.assert_allclose(
-        after.velocities - after.velocities.mean(axis=0), np.cross([0, spin, 0], arms), atol=spin * 0.05 * 0.05
-    )
-
-
-def test_rigid_bodies_are_blown(kit):
-    wind = Wind(velocity=(2.0, -1.0, 0.5), drag=3.0)
-    ((_, state),) = rigid_run(kit, (0.4,), force_fields=(wind,), gravity=(0, 0, 0))
-    expected = np.broadcast_to(np.array(wind.velocity) * -np.expm1(-1.2), state.velocities.shape)
-    np.testing.assert_allclose(state.velocities, expected, atol=1e-4)
-
-
-def test_rigid_bodies_are_held_and_led_and_let_go(kit):
-    region = SphereShape(center=(0.05, 0.05, 0.55), radius=0.2)
-    pin = Pinned(region=region, end=0.1)
-    drive = Driven(
-        region=region, start=0.1, end=0.2, velocity=(1.0, 0, 0), angular_velocity=(0, 0, 5.0), center=(0, 0, 0)
-    )
-    pinned, led, free = rigid_run(kit, (0.1, 0.2, 0.3), drives=(pin, drive))
-    points = pinned[0]
-    np.testing.assert_allclose(pinned[1].positions, points, atol=1e-6)
-    turn = np.array([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
-    np.testing.assert_allclose(led[1].positions, points @ turn.T + [0.1, 0, 0], atol=1e-6)
-    speed = np.array([1.0, 0, 0]) + np.cross([0, 0, 5.0], (turn @ [0.05, 0.05, 0.55]))
-    # Symplectic Euler, and a velocity that Bullet is shown as two places in float32.
-    fallen = np.array([0, 0, -G * 0.1 * (0.1 + 1 / 240) / 2])
-    np.testing.assert_allclose(
-        free[1].positions.mean(axis=0), led[1].positions.mean(axis=0) + 0.1 * speed + fallen, atol=1e-4
-    )
-
-
-def test_rigid_bodies_stick_where_they_touch_what_is_sticky(kit):
-    sticky = Collider(shape=HalfSpace(point=(0, 0, 0.3), normal=(0, 0, 1)), contact=ContactCondition.STICK)
-    (points, falling), (_, stuck), (_, later) = rigid_run(kit, (0.15, 0.4, 0.5), colliders=(sticky,))
-    # It is 0.2 m above, which it has fallen after 0.2 s; found to touch at the end of a step, after v dt at most.
-    assert 0.1 < (points - falling.positions)[:, 2].mean() < 0.15
-    lowest = stuck.positions[:, 2].min() - 0.025
-    assert 0.3 - np.sqrt(2 * G * 0.2) / 240 - 1e-3 < lowest < 0.3 + 1e-3
-    np.testing.assert_allclose(later.positions, stuck.positions, atol=1e-6)
-    np.testing.assert_array_equal(later.velocities, 0.0)
-
-
-def test_an_impulse_is_shared_by_soft_and_rigid_bodies(kit):
-    points = kit.block((1, 1, 1), 0.1)
-    cloud = PointCloud(
-        reference_positions=np.concatenate([points, points + [1.0, 0, 0]]),
-        initial_velocities=np.zeros((16, 3)),
-        reference_volumes=np.full(16, 1.25e-4),
-        material_ids=np.repeat([0, 1], 8),
-        body_ids=np.repeat([0, 1], 8),
-    )
-    impulse = Impulse(region=SphereShape(center=(0, 0, 0), radius=9.0), impulse=(0, 8.0, 0), start=0.01)
-    problem = PointProblem(
-        points=cloud, materials=(kit.rubber, Rigid(density=3000.0)), drives=(impulse,), gravity=(0, 0, 0)
-    )
-    with kit.open(problem) as session:
-        session.advance_to(0.02)
-        kept = session.checkpoint()
-        session.advance_to(0.03)
-        state = session.read(EVERYTHING)
-    np.testing.assert_allclose(state.velocities, np.broadcast_to([0, 2.0, 0], (16, 3)), atol=1e-4)
-    with kit.open(problem, restart=kept) as session:
-        session.advance_to(0.03)
-        assert np.array_equal(session.read(EVERYTHING).positions, state.positions)
-
-
-def test_rigid_bodies_that_start_inside_each_other_are_told_and_not_thrown_apart(kit):
-    points = kit.block((1, 1, 1), 0.1)
-    starts = (0.0, 0.05, 0.3, 0.6)
-    cloud = PointCloud(
-        reference_positions=np.concatenate([points + [start, 0, 0] for start in starts]),
-        initial_velocities=np.repeat([[0.0, 0, 0], [0, 0, 0], [0, 0, 0], [-1.0, 0, 0]], 8, axis=0),
-        reference_volumes=np.full(32, 1.25e-4),
-        material_ids=np.zeros(32),
-        body_ids=np.repeat([0, 1, 2, 3], 8),
-    )
-    problem = PointProblem(points=cloud, materials=(Rigid(density=700.0),), gravity=(0, 0, 0))
-    with kit.open(problem) as session:
-        report = session.advance_to(0.5)
-        moved = session.read(EVERYTHING).positions - cloud.reference_positions
-    assert [warning for warning in report.warnings if "rigid bodies 0 and 1 start inside each other" in warning]
-    means = moved[:, 0].reshape(4, 8).mean(axis=1)
-    # The last one pushes the others along. Bullet keeps momentum but for float32; what is thrown apart goes both ways.
-    assert means.sum() == pytest.approx(-0.5, abs=1e-3)
-    assert means.max() < 1e-3 and means.min() > -0.5
-    assert means[2] < -0.05 and np.abs(moved[:, 1:]).max() < 0.01

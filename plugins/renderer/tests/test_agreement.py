@@ -12,7 +12,14 @@ from gasp_core.harmonics import basis, material_directions
 from gasp_core.rendering.contract import ALPHA_FLOOR, ALPHA_LIMIT, LOW_PASS
 
 
-@pytest.mark.parametrize("name", ["plant.splat", "skull.sog", "playbot/3_0", "guitar.compressed.ply"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "playbot/3_0",
+        *(pytest.param(name, marks=pytest.mark.thorough) for name in ("plant.splat", "skull.sog")),
+        pytest.param("guitar.compressed.ply", marks=pytest.mark.slow),
+    ],
+)
 def test_the_rasteriser_agrees_with_the_reference_on_real_splats(name, real, three_views, fast, oracle, psnr):
     splats = real(name)
     for view, camera in enumerate(three_views(splats)):
@@ -28,6 +35,7 @@ def test_the_rasteriser_agrees_with_the_reference_on_real_splats(name, real, thr
             assert worst <= 0.05
 
 
+@pytest.mark.thorough
 def test_covariances_draw_what_quaternions_and_scales_do(real, three_views, fast, oracle, psnr):
     by_axes = real("skull.sog")
     full = Gaussians(

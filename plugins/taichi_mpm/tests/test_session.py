@@ -102,6 +102,7 @@ print("told")
 
 
 @pytest.mark.parametrize("how", ["init", "reset"])
+@pytest.mark.thorough
 def test_a_session_whose_runtime_was_taken_away_says_so(how):
     command = [sys.executable, "-c", _INTERRUPTED, how]
     result = subprocess.run(command, capture_output=True, text=True, check=False)

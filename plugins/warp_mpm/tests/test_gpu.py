@@ -84,7 +84,8 @@ def test_what_threads_of_a_block_take_is_everything_once():
 
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS has no compiler for CUDA")
-@pytest.mark.parametrize(("double", "averaged"), [(False, False), (True, True)])
+@pytest.mark.parametrize(("double", "averaged"), [(False, False), pytest.param(True, True, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_compiled_for_a_gpu_points_add_up_in_shared_memory(tmp_path, double, averaged):
     """By NVIDIA's compiler, which comes with Warp and needs no GPU; sm_75 is the oldest that it knows.
 

@@ -9,7 +9,7 @@ import pytest
 
 import gasp_core as gasp
 from gasp_core.errors import RecordingError, RenderingError, SceneError, UnknownEngineError
-from gasp_core.simulation.sources import prepare
+from gasp_core.simulation.splat_sources import prepare
 from gasp_core.studies.comparison import filming
 from gasp_core.studies.comparison.curves import curves_of
 from gasp_core.studies.runs import RunStatus

@@ -63,6 +63,7 @@ def until(page, condition):
 
 
 @needs_browser
+@pytest.mark.thorough
 def test_it_plays_all_films_together(opened, whole):
     page, complaints, requests = opened(1200, 900)
     assert page.evaluate(TIMES) == [0, 0]
@@ -106,6 +107,7 @@ def test_names_are_text_and_nothing_else(opened):
 
 
 @needs_browser
+@pytest.mark.thorough
 def test_it_fits_a_telephone(opened):
     page, complaints, _ = opened(400, 800)
     assert page.evaluate("document.documentElement.scrollWidth") == 400

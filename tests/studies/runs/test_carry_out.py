@@ -56,7 +56,13 @@ CRASHES = {
 }
 
 
-@pytest.mark.parametrize(("isolate", "faults"), [(False, list(CRASHES)), (True, ["segfault", "orphans"])])
+@pytest.mark.parametrize(
+    ("isolate", "faults"),
+    [
+        (False, list(CRASHES)),
+        pytest.param(True, ["segfault", "orphans"], marks=pytest.mark.thorough),
+    ],
+)
 def test_crashes_are_outcomes_and_take_nobody_along(run_of, tmp_path, left_behind, isolate, faults):
     runs = [run_of(fault, fault=fault, isolate=isolate) for fault in faults]
     told = []
@@ -118,6 +124,7 @@ def test_divergence_and_other_errors_are_told_apart(run_of, tmp_path):
     assert (taken / "mine").read_text() == "precious"
 
 
+@pytest.mark.thorough
 def test_a_run_that_hangs_is_given_up(run_of, tmp_path, left_behind):
     outcomes = carry_out([run_of("hangs", fault="hang in C")], time_limit=6.0)
     assert endings(outcomes) == {"hangs": RunStatus.CRASHED}
@@ -126,7 +133,15 @@ def test_a_run_that_hangs_is_given_up(run_of, tmp_path, left_behind):
     assert left_behind(tmp_path) == []
 
 
-@pytest.mark.parametrize(("backend", "at_once"), [(None, 1), ("loky", 2), ("threading", 2), ("sequential", 1)])
+@pytest.mark.parametrize(
+    ("backend", "at_once"),
+    [
+        (None, 1),
+        pytest.param("loky", 2, marks=pytest.mark.thorough),
+        pytest.param("threading", 2, marks=pytest.mark.thorough),
+        pytest.param("sequential", 1, marks=pytest.mark.thorough),
+    ],
+)
 def test_endings_and_frames_are_the_same_wherever_and_however_many(run_of, backend, at_once):
     runs = [run_of("good", spin=2.0), run_of("killed", fault="kill")]
     context = joblib.parallel_config(backend=backend) if backend else contextlib.nullcontext()
@@ -148,6 +163,7 @@ def test_results_are_those_of_a_run_in_this_process(run_of, tmp_path):
         assert np.array_equal(Recording.open(there.recording).points(frame), here.points(frame))
 
 
+@pytest.mark.thorough
 def test_relative_paths_mean_the_folder_one_is_in(run_of, tmp_path, monkeypatch):
     # joblib keeps its processes: they are in the folder that was the current one when they were started.
     for name in ("one", "two"):
@@ -215,10 +231,10 @@ if __name__ == "__main__":
     ("backend", "number"),
     [
         ("loky", signal.SIGINT),
-        ("threading", signal.SIGINT),
-        ("sequential", signal.SIGINT),
-        ("loky", signal.SIGKILL),
-        ("sequential", signal.SIGKILL),
+        pytest.param("threading", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("sequential", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("loky", signal.SIGKILL, marks=pytest.mark.thorough),
+        pytest.param("sequential", signal.SIGKILL, marks=pytest.mark.thorough),
     ],
 )
 def test_ctrl_c_or_death_ends_them_all(tmp_path, left_behind, backend, number):

@@ -159,7 +159,7 @@ def test_contact_halves_the_order_that_is_expected():
 
 def mass_at(splat, resolution) -> float:
     """Volume [m^3] of an object 0.3 m high, as the engine has it."""
-    from gasp_core.simulation.sources import prepare
+    from gasp_core.simulation.splat_sources import prepare
 
     item = SplatObject(
         name="a", splat=splat, height=0.3, material=Elastic(density=1, youngs_modulus=1, poissons_ratio=0)
@@ -168,6 +168,7 @@ def mass_at(splat, resolution) -> float:
     return float(prepare(whole).assembly.problem.points.reference_volumes.sum())
 
 
+@pytest.mark.thorough
 def test_a_hollow_splat_weighs_less_with_every_finer_grid():
     """It fills the cells of its surface, so that no resolution is near a limit: the mass alone nearly halves."""
     masses = [mass_at(make_toy(20_000), resolution) for resolution in (12, 24, 48)]

@@ -34,7 +34,7 @@ def error_of(bar, out, resolution, substep_fraction=0.5, engine="warp-mpm"):
 
 def test_the_bar_is_even_and_as_long_as_it_is_however_it_is_divided(bar):
     """Its error falls by four where the spacing is halved: a cell too many at an end would make that two."""
-    from gasp_core.simulation.sources import prepare
+    from gasp_core.simulation.splat_sources import prepare
 
     scene, _ = bar
     for resolution in (8, 16, 24, 32, 48):
@@ -49,6 +49,7 @@ def test_the_bar_is_even_and_as_long_as_it_is_however_it_is_divided(bar):
         assert assembly.spacing == pytest.approx(1 / resolution, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_example_is_as_accurate_as_its_method(bar, tmp_path):
     """V3 of 2D and 3D MLS-MPM in float64: frequencies are off by 1.0 (dx / L)^2 [measured at 8 to 64 cells].
 

@@ -132,15 +132,20 @@ class AgreementTests:
             ("sand",),
             ("fluid",),
             ("snow",),
-            ("metal",),
-            ("plasticine",),
-            ("foam",),
-            ("metal", "snow"),
-            ("foam", "plasticine", "elastic"),
-            ("sand", "elastic", "fluid"),
             ("rubber",),
-            ("gel", "rubber", "elastic"),
-            ("lead", "gel"),
+            *(
+                pytest.param(kinds, marks=pytest.mark.thorough, id="+".join(kinds))
+                for kinds in (
+                    ("metal",),
+                    ("plasticine",),
+                    ("foam",),
+                    ("metal", "snow"),
+                    ("foam", "plasticine", "elastic"),
+                    ("sand", "elastic", "fluid"),
+                    ("gel", "rubber", "elastic"),
+                    ("lead", "gel"),
+                )
+            ),
         ],
         ids=lambda kinds: "+".join(kinds),
     )
