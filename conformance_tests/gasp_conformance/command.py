@@ -105,17 +105,18 @@ def conformance(
 
 def _conclude(status: int, found: Path, wanted: Path | None) -> int:
     """Read what the process left, say what it could not say itself, and return the exit status."""
-    from gasp_conformance.process import how_it_ended, is_orderly
+    from gasp_conformance.process import is_orderly
     from gasp_conformance.report import Verdict, VerdictOutcome, read_report, write_report
     from gasp_conformance.table import report_lines
+    from gasp_core.processes.exit_report import ending
 
     if not found.exists():
-        click.secho(f"fails: the process {how_it_ended(status)} before any check", fg="red")
+        click.secho(f"fails: the process {ending(status)} before any check", fg="red")
         return FAILS
     report = read_report(found)
     if not (report.finished and is_orderly(status)):
         where = "after the last check" if report.finished else f"in check {report.running}"
-        reasons = *(report.verdict.reasons if report.finished else ()), f"the process {how_it_ended(status)} {where}"
+        reasons = *(report.verdict.reasons if report.finished else ()), f"the process {ending(status)} {where}"
         report = replace(report, verdict=Verdict(outcome=VerdictOutcome.FAILS, reasons=reasons))
         click.echo()
         for line in report_lines(report):

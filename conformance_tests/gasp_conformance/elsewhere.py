@@ -6,15 +6,11 @@ nothing to standard output, which belongs to whoever started it.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import pickle
-import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, Field, PointProblem, PointState
+from gasp_core.processes import guard
+from gasp_core.processes.group import end_group, outlived_by_group
 
 __all__ = ["Elsewhere", "run_elsewhere"]
 
@@ -77,64 +75,32 @@ def run_elsewhere(
     with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as folder:
         job, result = Path(folder, "job.pickle"), Path(folder, "result.npz")
         job.write_bytes(pickle.dumps((problem, accuracy, list(times), fields)))
-        command = [sys.executable, "-m", __name__, engine, precision, device]
+        command = [sys.executable, "-m", guard.__name__, __name__, engine, precision, device]
         command += [str(int(in_thread)), str(job), str(result)]
         # Files, not pipes: a grandchild that keeps a pipe open would keep us waiting.
-        with Path(folder, "out").open("w+b") as out, Path(folder, "err").open("w+b") as err:
-            process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
-            )
+        with (
+            Path(folder, "out").open("w+b") as out,
+            Path(folder, "err").open("w+b") as err,
+            subprocess.Popen(command, stdin=subprocess.PIPE, stdout=out, stderr=err, start_new_session=True) as process,
+        ):
+            ended, left_behind = True, False
             try:
                 process.wait(_PATIENCE)
-                ended = True
+                left_behind = outlived_by_group(process, _LINGER)
             except subprocess.TimeoutExpired:
                 ended = False
             finally:
-                left_behind = _clear_away(process)
+                status = end_group(process)
             out.seek(0)
             err.seek(0)
             return Elsewhere(
                 state=_loaded(result),
                 ended=ended,
-                status=process.returncode,
+                status=status,
                 printed=out.read().decode(errors="replace"),
                 complaints=err.read().decode(errors="replace"),
                 left_behind=left_behind,
             )
-
-
-def _clear_away(process: subprocess.Popen[bytes]) -> bool:
-    """End what is left of a process and of the group it leads; whether the group outlived it."""
-    process.poll()
-    if process.returncode is None:
-        _kill_group(process)
-        process.wait()
-        return False
-    if not hasattr(os, "killpg"):
-        return False
-    deadline = time.monotonic() + _LINGER
-    while _group_lives(process.pid):
-        if time.monotonic() > deadline:
-            _kill_group(process)
-            return True
-        time.sleep(0.05)
-    return False
-
-
-def _group_lives(leader: int) -> bool:
-    try:
-        os.killpg(leader, 0)
-    except OSError:
-        return False
-    return True
-
-
-def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    if not hasattr(os, "killpg"):
-        process.kill()
-        return
-    with contextlib.suppress(OSError):
-        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _loaded(path: Path) -> PointState | None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["NOTHING_MATCHED", "USAGE", "how_it_ended", "is_orderly", "run_suite"]
+from gasp_core.processes import guard
+from gasp_core.processes.group import end_group, interrupt_group
+
+__all__ = ["NOTHING_MATCHED", "USAGE", "is_orderly", "run_suite"]
 
 # As pytest.ExitCode has them; importing it would take longer than everything else here.
 _OK, _TESTS_FAILED, _INTERRUPTED = 0, 1, 2
@@ -20,13 +22,14 @@ NOTHING_MATCHED = 5
 """Exit status of a run of which a selection left nothing."""
 
 _PATIENCE = 10.0
+"""Seconds it may take to write its report once it is interrupted."""
 
 
 def run_suite(options: Sequence[str], folder: Path) -> int:
     """Run pytest on the suite in an empty folder and return its exit status; < 0 is a signal.
 
     Neither configuration, conftest files nor environment variables of the user's own change what it does, nor do
-    other pytest plugins that happen to be installed.
+    other pytest plugins that happen to be installed. Its process and all that starts do not outlive this one.
 
     Raises
     ------
@@ -38,6 +41,7 @@ def run_suite(options: Sequence[str], folder: Path) -> int:
     command = [
         sys.executable,
         "-m",
+        guard.__name__,
         "pytest",
         "--pyargs",
         "gasp_conformance",
@@ -55,31 +59,24 @@ def run_suite(options: Sequence[str], folder: Path) -> int:
         "no:cacheprovider",
     ]
     command += ["--basetemp", str(folder / "tmp"), "-q", "--tb=short", "-rN", "--disable-warnings", *options]
-    with subprocess.Popen(command, cwd=folder, env=_environment(os.environ), stdin=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command, cwd=folder, env=_environment(os.environ), stdin=subprocess.PIPE, start_new_session=True
+    ) as process:
         try:
-            return process.wait()
+            process.wait()
         except KeyboardInterrupt:
-            # The terminal told it, too, and it has a report to write.
-            try:
-                process.wait(_PATIENCE)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            # Ctrl-C on the terminal has not reached the session it leads.
+            interrupt_group(process)
+            end_group(process, _PATIENCE)
             raise
+        finally:
+            status = end_group(process)
+        return status
 
 
 def is_orderly(status: int) -> bool:
     """Whether pytest itself ended the process, whatever it found."""
     return status in (_OK, _TESTS_FAILED, _INTERRUPTED)
-
-
-def how_it_ended(status: int) -> str:
-    """An exit status in words."""
-    if status >= 0:
-        return f"ended with status {status}"
-    try:
-        return f"died with signal {-status} ({signal.Signals(-status).name})"
-    except ValueError:
-        return f"died with signal {-status}"
 
 
 def _environment(own: Mapping[str, str]) -> dict[str, str]:

@@ -5,10 +5,8 @@ To see again what one of them did: python -m gasp_conformance.random_batch NAME 
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -20,6 +18,9 @@ from gasp_conformance.random_scenes import describe, random_scene
 from gasp_conformance.subject import Subject, find_subject
 from gasp_conformance.watched_runs import watch_run
 from gasp_core.contract import Precision
+from gasp_core.processes import guard
+from gasp_core.processes.exit_report import ending, tail
+from gasp_core.processes.group import end_group
 
 __all__ = ["HUNG_AFTER", "Outcome", "run_batch", "run_scene"]
 
@@ -27,8 +28,6 @@ HUNG_AFTER = 120.0
 """Wall-clock time [s] without a scene begun or ended; each takes less than a second, but for what is compiled."""
 _POLL = 0.05
 """[s]"""
-_LAST_WORDS = 300
-"""Characters of what a process wrote before it died."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,31 +98,32 @@ def _one_process(
     """What a process got done, and the scene in which it was lost."""
     progress, words = folder / "progress", folder / "words"
     progress.touch()
-    command = [sys.executable, "-m", __spec__.name, subject.name, subject.precision.value, subject.device]
-    command += [str(first), str(last)]
+    command = [sys.executable, "-m", guard.__name__, __spec__.name]
+    command += [subject.name, subject.precision.value, subject.device, str(first), str(last)]
     environment = {**os.environ, _PROGRESS: str(progress)}
-    with words.open("wb") as sink:
-        process = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
-        )
+    with (
+        words.open("wb") as sink,
+        subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=sink, stderr=sink, start_new_session=True
+        ) as process,
+    ):
         try:
             hung = not _ended(process, progress, hung_after)
         finally:
-            _clear_away(process)
+            status = end_group(process)
     lines = [json.loads(line) for line in progress.read_text().splitlines()]
     done = [Outcome(**{**line, "faults": tuple(line["faults"])}) for line in lines if "ending" in line]
-    if process.returncode == 0 and not hung:
+    if status == 0 and not hung:
         return done, None
-    last_words = " ".join(words.read_text(errors="replace").split())[-_LAST_WORDS:]
+    how = f"hung for {hung_after:g} s" if hung else ending(status)
+    last_words = tail(words)
+    said = f"; its output ends: {last_words}" if last_words else ""
     begun = [line["number"] for line in lines if "ending" not in line]
     if len(begun) == len(done):
-        ending = "hung" if hung else f"ended with status {process.returncode}"
-        raise RuntimeError(f"{subject.name}: the process of its own {ending} outside any scene: {last_words}")
+        raise RuntimeError(f"{subject.name}: the process of its own {how} outside any scene{said}")
     number: int = begun[-1]
     scene = describe(random_scene(number, subject.descriptor.capabilities))
-    fault = (
-        f"hung for {hung_after:g} s" if hung else f"took its process down (status {process.returncode}): {last_words}"
-    )
+    fault = how if hung else f"took its process down, which {how}{said}"
     return done, Outcome(number=number, ending="hung" if hung else "crashed", reason="", faults=(fault, scene))
 
 
@@ -137,17 +137,6 @@ def _ended(process: subprocess.Popen[bytes], progress: Path, hung_after: float) 
             return False
         time.sleep(_POLL)
     return True
-
-
-def _clear_away(process: subprocess.Popen[bytes]) -> None:
-    """End a process, with those that it started where there are groups of them, and wait for it."""
-    if process.poll() is None:
-        if hasattr(os, "killpg"):
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
-    process.wait()
 
 
 _PROGRESS = "GASP_CONFORMANCE_PROGRESS"

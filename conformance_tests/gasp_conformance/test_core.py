@@ -54,6 +54,7 @@ from gasp_core.contract.options import build_options
 from gasp_core.discovery.plugins import offer_fault
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError
+from gasp_core.processes.exit_report import ending
 from gasp_core.stepping.time_step import rest_bound
 
 Array = NDArray[Any]
@@ -528,7 +529,7 @@ def _in_process(subject: Subject, problem: PointProblem, *, in_thread: bool) -> 
         in_thread=in_thread,
     )
     assert run.ended, f"the process hangs; it said: {run.complaints[-500:]}"
-    assert run.state is not None and run.status == 0, f"ended with status {run.status}: {run.complaints[-2000:]}"
+    assert run.state is not None and run.status == 0, f"it {ending(run.status)}: {run.complaints[-2000:]}"
     assert not run.printed, f"standard output belongs to the caller; printed was {run.printed[:200]!r}"
     assert not run.left_behind, "processes that it started outlive it"
     return run.state

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
 from click.testing import CliRunner, Result
 from gasp_conformance import process
@@ -57,6 +59,7 @@ def gasp_point_engines():
 ENGINES = """
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 
@@ -105,7 +108,8 @@ class Crasher(Flyer):
 
 class Sleeper(Flyer):
     def open(self, problem, **_):
-        Path(os.environ["SLEEPER_IS_UP"]).touch()
+        helper = subprocess.Popen(["sleep", "60"])
+        Path(os.environ["SLEEPER_IS_UP"]).write_text(f"{os.getpid()} {helper.pid} .")
         time.sleep(60)
 
 
@@ -185,7 +189,7 @@ def test_nothing_of_the_folder_it_is_called_from_reaches_the_run(site: Path, tmp
 def test_a_process_that_dies_fails_in_the_check_it_died_in(site: Path, tmp_path: Path) -> None:
     ran = command(site, tmp_path, "crasher", "-k", "V2", "--json", "report.json")
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    said = f"the process died with signal {int(signal.SIGSEGV)} (SIGSEGV) in check V2"
+    said = "the process was killed by SIGSEGV in check V2"
     assert f"- {said}" in ran.stdout
     assert json.loads((tmp_path / "report.json").read_text())["verdict"] == {"outcome": "fails", "reasons": [said]}
 
@@ -193,11 +197,17 @@ def test_a_process_that_dies_fails_in_the_check_it_died_in(site: Path, tmp_path:
 def test_an_engine_that_ends_the_process_when_it_is_loaded_fails(site: Path, tmp_path: Path) -> None:
     ran = command(site, tmp_path, "stillborn")
     assert ran.returncode == 1
-    assert ran.stdout == "fails: the process ended with status 7 before any check\n"
+    assert ran.stdout == "fails: the process ended by itself with status 7 before any check\n"
 
 
-def test_ctrl_c_ends_both_processes(site: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM), (signal.SIGKILL, -signal.SIGKILL)]
+)
+def test_whatever_ends_the_command_ends_the_suite_and_all_it_started(
+    site: Path, tmp_path: Path, number: signal.Signals, status: int
+) -> None:
     is_up = tmp_path / "up"
+    is_up.touch()
     with subprocess.Popen(
         [sys.executable, "-m", "gasp_conformance", "sleeper", "-k", "V2"],
         cwd=tmp_path,
@@ -207,14 +217,24 @@ def test_ctrl_c_ends_both_processes(site: Path, tmp_path: Path) -> None:
         start_new_session=True,
     ) as running:
         deadline = time.monotonic() + 60
-        while not is_up.exists() and time.monotonic() < deadline and running.poll() is None:
+        while not (told := is_up.read_text()).endswith(".") and time.monotonic() < deadline and running.poll() is None:
             time.sleep(0.05)
-        # As a terminal does: to everything that runs in it.
-        os.killpg(running.pid, signal.SIGINT)
+        suite, helper = (int(pid) for pid in told.split()[:2])
+        assert is_alive(suite) and is_alive(helper)
+        running.send_signal(number)
+        # Which waits until none of them holds the output open.
         running.communicate(timeout=60)
-        assert running.returncode == 130
-    with pytest.raises(ProcessLookupError):
-        os.killpg(running.pid, 0)
+        assert running.returncode == status
+    deadline = time.monotonic() + 10  # a limit of hanging
+    while (is_alive(suite) or is_alive(helper)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not is_alive(suite) and not is_alive(helper)
+
+
+def is_alive(pid: int) -> bool:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    return False
 
 
 def test_an_engine_that_is_not_there_is_a_matter_of_usage(site: Path, tmp_path: Path) -> None:
@@ -303,7 +323,7 @@ def test_the_exit_status_is_the_verdict(
 def test_a_process_that_ends_well_in_the_midst_of_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     ran, _ = invoke(monkeypatch, replace(REPORT, running="V2", finished=False), 0)
     assert ran.exit_code == 1
-    assert "- the process ended with status 0 in check V2" in ran.output
+    assert "- the process ended by itself with status 0 in check V2" in ran.output
 
 
 def test_what_is_asked_reaches_the_process(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -477,7 +477,10 @@ def test_a_hang_and_a_crash_are_told_by_number_and_the_rest_goes_on(sick: Subjec
     assert right == run_scene(find_subject("reference-mpm", None, None), 0)
     assert hung.ending == "hung" and hung.faults[0] == f"hung for {HUNG_AFTER:g} s"
     assert crashed.ending == "crashed"
-    assert crashed.faults[0] == "took its process down (status 139): Segmentation fault"
+    assert (
+        crashed.faults[0]
+        == "took its process down, which ended by itself with status 139; its output ends: Segmentation | fault"
+    )
     assert raised.faults[0] == "raised KeyError instead of a GaspError: 'grid'"
     for outcome in (hung, crashed, raised):
         assert outcome.faults[1].startswith(f"scene {outcome.number} (seed ")
@@ -486,7 +489,9 @@ def test_a_hang_and_a_crash_are_told_by_number_and_the_rest_goes_on(sick: Subjec
 
 def test_a_process_that_cannot_begin_says_so(sick: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SICK_AT_THE_START", "1")
-    with pytest.raises(RuntimeError, match="sick: the process of its own ended with status 3 outside any scene"):
+    with pytest.raises(
+        RuntimeError, match="sick: the process of its own ended by itself with status 3 outside any scene"
+    ):
         run_batch(sick, 0, 1)
 
 

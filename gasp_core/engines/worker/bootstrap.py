@@ -1,21 +1,17 @@
 """The first thing a worker runs: `python -I start.py SETTINGS`, a script, since nothing of GASP can be imported yet.
 
-It takes the channel out of reach of whatever the backend prints, ties its life to its parent's, borrows the packages it
-is lent, and serves.
+It borrows the packages it is lent, is guarded from then on, takes the channel out of reach of whatever the backend
+prints, and serves.
 """
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import faulthandler
 import importlib.abc
 import importlib.util
 import json
 import os
-import signal
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -25,7 +21,6 @@ __all__ = ["LentPackages", "main"]
 
 _LINGER = 3.0
 """Seconds a worker may take to end by itself once nobody speaks to it any more."""
-_PR_SET_PDEATHSIG = 1
 
 
 class LentPackages(importlib.abc.MetaPathFinder):
@@ -59,17 +54,19 @@ class LentPackages(importlib.abc.MetaPathFinder):
 def main() -> None:
     """Serve until nobody speaks to us any more."""
     settings: dict[str, Any] = json.loads(sys.argv[1])
-    incoming, outgoing = os.dup(0), os.dup(1)
-    with open(os.devnull, "rb") as nothing:  # noqa: PTH123  (pathlib is not needed before the first line is read)
-        os.dup2(nothing.fileno(), 0)
-    os.dup2(2, 1)
-    faulthandler.enable(all_threads=False)  # a segfault leaves in the log where it was
-    if settings["dies_with_parent"]:
-        _die_with_parent()
     if settings["path"] is not None:
         sys.path[:] = settings["path"]
     sys.meta_path.insert(0, LentPackages(settings["loans"]))
     sys.argv[:] = ["gasp-worker"]
+
+    # Lent as all of GASP, and of the standard library alone: NumPy, which starts threads, comes after the fork.
+    from gasp_core.processes.guard import guard_group, read_nothing
+
+    guard_group(_LINGER)
+    incoming, outgoing = os.dup(0), os.dup(1)
+    read_nothing()
+    os.dup2(2, 1)
+    faulthandler.enable(all_threads=False)  # a segfault leaves in the log where it was
 
     from gasp_core.engines.worker.serving import serve
     from gasp_core.engines.worker.shared_memory import Block
@@ -77,22 +74,7 @@ def main() -> None:
 
     os.set_inheritable(settings["block"], False)
     with os.fdopen(incoming, "rb") as words, os.fdopen(outgoing, "wb") as answers:
-        serve(Inbox(words, _end_soon), answers, Block(settings["block"]))
-
-
-def _die_with_parent() -> None:
-    """Have the system kill us when our parent dies; a backend in native code notices nothing else."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def _end_soon() -> None:
-    """End this process and those it started, if they have not ended by themselves in a while."""
-    time.sleep(_LINGER)
-    if os.getpgrp() == os.getpid():
-        os.killpg(os.getpid(), signal.SIGKILL)
-    os._exit(1)
+        serve(Inbox(words), answers, Block(settings["block"]))
 
 
 if __name__ == "__main__":

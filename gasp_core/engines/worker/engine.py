@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -181,8 +180,6 @@ class WorkerEngine:
             "block": block.descriptor,
             "path": self._interpreter.path,
             "loans": loans(lent_for(self._descriptor)),
-            # The system takes the death of the thread that started a process for that of the parent.
-            "dies_with_parent": threading.current_thread() is threading.main_thread(),
         }
         flags = ["-I", "-u", *(["-B"] if sys.dont_write_bytecode else [])]
         command = [str(self._interpreter.python), *flags, str(Path(bootstrap.__file__)), json.dumps(settings)]

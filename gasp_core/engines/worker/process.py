@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import tempfile
 import time
@@ -16,6 +15,7 @@ from gasp_core.engines.worker.shared_memory import Block
 from gasp_core.engines.worker.transport import PROTOCOL, Inbox, Message, send
 from gasp_core.errors import EngineCrashedError, EngineEnvironmentError
 from gasp_core.processes.exit_report import ending, tail
+from gasp_core.processes.group import end_group
 
 __all__ = ["WorkerProcess"]
 
@@ -138,7 +138,7 @@ class WorkerProcess:
 
     def crash(self, what: str) -> EngineCrashedError:
         """The error for a worker that is of no more use, which is ended; its log is kept."""
-        self._kill()
+        self._end_group()
         # Of a traceback, the frames that are the same every time say nothing.
         last = tail(self.log, without=[_OWN_FOLDER])
         said = f", which ends: {last}" if last else " (empty)"
@@ -150,12 +150,12 @@ class WorkerProcess:
         # A fork of this process has no say in it.
         if self._over or os.getpid() != self._owner:
             return
+        patience = 0.0
         if self.is_idle:
             with contextlib.suppress(OSError):
                 self._to.close()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(_PATIENCE)
-        self._kill()
+            patience = _PATIENCE
+        self._end_group(patience)
         with contextlib.suppress(OSError):
             self.log.unlink()
 
@@ -185,11 +185,9 @@ class WorkerProcess:
             return self.crash(f"closed its channel while {doing}")
         return self.crash(f"{ending(status)} while {doing}")
 
-    def _kill(self) -> None:
-        """Kill it and what it started, which is all in one group."""
-        with contextlib.suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+    def _end_group(self, patience: float = 0.0) -> None:
+        """End it and what it started, which is all in one group; it may take `patience` [s] to end by itself."""
+        end_group(self._process, patience)
         self._over = True
         with contextlib.suppress(OSError):
             self._to.close()

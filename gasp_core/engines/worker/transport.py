@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import queue
 import threading
-from collections.abc import Callable
 from typing import Any, BinaryIO, cast
 
 __all__ = ["PROTOCOL", "Inbox", "Message", "send"]
@@ -35,13 +34,11 @@ class Inbox:
     ----------
     stream
         Read until its end.
-    at_end
-        Called by the thread then.
     """
 
-    def __init__(self, stream: BinaryIO, at_end: Callable[[], None] | None = None) -> None:
+    def __init__(self, stream: BinaryIO) -> None:
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._read, args=(stream, at_end), daemon=True, name="gasp worker inbox")
+        self._thread = threading.Thread(target=self._read, args=(stream,), daemon=True, name="gasp worker inbox")
         self._thread.start()
 
     def take(self, timeout: float | None = None) -> Message:
@@ -73,12 +70,10 @@ class Inbox:
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def _read(self, stream: BinaryIO, at_end: Callable[[], None] | None) -> None:
+    def _read(self, stream: BinaryIO) -> None:
         try:
             while line := stream.readline():
                 self._lines.put(line)
         except (OSError, ValueError):
             pass  # closed under our hands: as good as its end
         self._lines.put(b"")
-        if at_end is not None:
-            at_end()

@@ -6,13 +6,12 @@ talks to this process; it lives as long as its stdin is held open.
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from gasp_core.processes.guard import guard_group, read_nothing
 from gasp_core.studies.runs.outcome import RunStatus
 
 if TYPE_CHECKING:
@@ -32,7 +31,8 @@ _LOOK = 2.0
 def main() -> None:
     """Make the run."""
     # First of all, while there are no threads and next to no memory to fork.
-    guard = _guarded()
+    guard = guard_group()
+    read_nothing()
 
     import faulthandler
     import json
@@ -52,28 +52,6 @@ def main() -> None:
     beside = folder / f"{ENDING}.part"
     beside.write_text(json.dumps({"ending": ending.value, "reason": reason}))
     beside.replace(folder / ENDING)
-    # An orphan is a zombie for ever where nobody reaps it, as in many containers.
-    os.kill(guard, signal.SIGKILL)
-    os.waitpid(guard, 0)
-
-
-def _guarded() -> int:
-    """Fork a process that ends this group once nobody holds our stdin open; its id.
-
-    A thread would not do: a backend in native code may keep it from running.
-    """
-    guard = os.fork()
-    if guard == 0:
-        # Whoever ends this group by a gentler signal must not leave the others without a guard.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        while os.read(0, 1):
-            pass
-        os.killpg(0, signal.SIGKILL)
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
-    os.close(nothing)
-    return guard
 
 
 class _Stamps:

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import tempfile
@@ -19,6 +18,7 @@ from typing import Any
 from gasp_core.errors import RecordingError
 from gasp_core.processes.exit_report import ending as how_it_ended
 from gasp_core.processes.exit_report import tail
+from gasp_core.processes.group import kill_group
 from gasp_core.studies.runs import child
 from gasp_core.studies.runs.outcome import Outcome, Run, RunStatus
 from gasp_core.studies.runs.timing import split_times
@@ -146,8 +146,7 @@ class _Process:
         return self
 
     def __exit__(self, *error: object) -> None:
-        with contextlib.suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        kill_group(self._process)
         if self.status is None:
             self._reaped(0)
         assert self._process.stdin is not None

@@ -64,8 +64,8 @@ class Watch:
 
     def look(self, frame: int) -> None:
         """Once a frame is recorded."""
-        (pid,) = self.workers()
-        worker = psutil.Process(pid)
+        # Its guard is a child of its own.
+        (worker,) = (child for child in psutil.Process().children() if child.pid not in self.others)
         self.cpu = worker.cpu_times().user
         self.shared |= {one.path for one in worker.memory_maps() if one.path.startswith("/dev/shm/")}
 
