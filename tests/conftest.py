@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 from pathlib import Path
 
+import flying_points
 import numpy as np
 import pytest
 
@@ -14,25 +14,11 @@ HERE = Path(__file__).parent
 FAKES = HERE / "fake_plugins"
 
 
-def _load_ballistic():
-    # Test folders are no packages (importlib mode): the engine is shared by name with the child processes.
-    spec = importlib.util.spec_from_file_location("ballistic", HERE / "simulation" / "ballistic.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["ballistic"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(autouse=True)
 def no_flush(monkeypatch):
     # A flush shows only when the power fails, and a busy disk takes seconds for the thousands of them here. What a
     # killed process leaves behind is tested in processes of their own, flushes and all.
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-
-
-@pytest.fixture(scope="session")
-def ballistic():
-    return _load_ballistic()
 
 
 @pytest.fixture(scope="session")
@@ -84,11 +70,11 @@ def scene_of(cloud):
 
 
 @pytest.fixture
-def run(ballistic):
+def run():
     """Runs a scene with the engine of the tests."""
 
     def go(scene, out, *, checkpoints=True, fields=None, **options):
-        engine = (ballistic.descriptor(checkpoints=checkpoints, fields=fields), ballistic.Ballistic())
+        engine = (flying_points.descriptor(checkpoints=checkpoints, fields=fields), flying_points.Ballistic())
         return simulate(scene, engine=engine, out=out, progress=False, **options)
 
     return go

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +7,10 @@ import pytest
 
 from gasp_core.accuracy.images import LpipsWeights, load_lpips_weights
 
-HERE = Path(__file__).parent
-
 
 @pytest.fixture(scope="session")
-def trained_file() -> Path:
-    folder = Path(os.environ.get("GASP_DATA", HERE.parents[1].parent / "shared" / "data"))
-    file = folder / "weights" / "lpips_alexnet.npz"
+def trained_file(data) -> Path:
+    file = data / "weights" / "lpips_alexnet.npz"
     if not file.is_file():
         pytest.skip(f"no weights of LPIPS at {file} (set GASP_DATA)")
     return file

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -51,11 +50,6 @@ class Session:
 
     def read(self, fields):
         return PointState(time=self.time, positions=self.motion(self.rest, self.time))
-
-
-@pytest.fixture(autouse=True)
-def no_flush(monkeypatch):
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
 def splat(count=30, seed=0, flat=False):

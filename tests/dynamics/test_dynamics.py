@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import flying_points
 import numpy as np
 import pytest
 
@@ -117,13 +118,13 @@ AFFINE = Known(straining, lambda t: np.array([0, 3 * t, 0]))
 
 
 @pytest.fixture
-def record(ballistic, tmp_path, scene_of):
+def record(tmp_path, scene_of):
     """Runs an object of a motion with a known engine to TIME."""
     count = iter(range(1000))
 
     def go(splat, motion, engine=None, **others) -> Recording:
         scene = scene_of(splat, duration=TIME, frame_rate=RATE, motion=motion, gravity=(0, 0, 0), **others)
-        chosen = (ballistic.descriptor(checkpoints=False, fields=frozenset()), engine or Known())
+        chosen = (flying_points.descriptor(checkpoints=False, fields=frozenset()), engine or Known())
         return simulate(scene, engine=chosen, out=tmp_path / f"{next(count)}.gasp", progress=False)
 
     return go
@@ -613,7 +614,7 @@ def test_a_formula_is_kept_and_not_what_it_gives(record, cloud):
     assert (record(cloud(60), FLOW).path / "frames" / "drifts").exists()
 
 
-def test_a_static_object_beside_one_that_moves_by_itself(record, cloud, scene_of, ballistic, tmp_path):
+def test_a_static_object_beside_one_that_moves_by_itself(record, cloud, scene_of, tmp_path):
     """Bodies that drift by formulas, by functions, and not at all: each has its own rows."""
     scene = scene_of(cloud(30), duration=TIME, gravity=(0, 0, 0))
     first = scene.objects[0]
@@ -621,7 +622,7 @@ def test_a_static_object_beside_one_that_moves_by_itself(record, cloud, scene_of
     third = dataclasses.replace(first, name="waving", splat=cloud(20, seed=4), motion=WAVE, vertices=3)
     flows = [dataclasses.replace(first, name=n, splat=cloud(c, seed=c), motion=FLOW) for n, c in FLOWING.items()]
     scene = dataclasses.replace(scene, objects=(flows[0], second, first, flows[1], third))
-    engine = (ballistic.descriptor(checkpoints=False, fields=frozenset()), Known())
+    engine = (flying_points.descriptor(checkpoints=False, fields=frozenset()), Known())
     run = simulate(scene, engine=engine, out=tmp_path / "three.gasp", progress=False)
     simplices = run.simplices(run.frame_count - 1)
     assert_alike(simplices["thing"], to_simplices(first.splat, 4), 1e-9)

@@ -26,6 +26,7 @@ from gasp_core.engines.opening import open_engine
 from gasp_core.errors import EngineEnvironmentError
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
+SUPPORT = Path(__file__).parents[1] / "support"
 PATIENCE = 60.0
 
 
@@ -104,7 +105,7 @@ def test_the_engine_runs_in_its_environment_with_what_it_is_lent_alone(
         assert numpy.array_equal(session.read(frozenset()).positions, here.read(frozenset()).positions)
         modules = set(read()["modules"])
     assert Path(read()["prefix"]) == built
-    assert {"gasp_core.contract", "fake_frail_engine", "fake_frail"} <= modules
+    assert {"gasp_core.contract", "flying_points.faults", "fake_frail"} <= modules
     for name in ("fake_ballistic", "scipy", "click", "gasp_reference_mpm"):
         code = f"import {name}"
         done = subprocess.run([built / "bin/python", "-I", "-c", code], capture_output=True, text=True)
@@ -206,7 +207,7 @@ def endless_index(monkeypatch):
 @pytest.fixture
 def building(away, endless_index):
     """A process that builds the environment and waits for the index."""
-    path = os.pathsep.join([str(FAKES / "frail"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(FAKES / "frail"), str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])])
     process = subprocess.Popen(
         [sys.executable, "-m", "gasp_core.cli.main", "engines", "install", "away"],
         env=os.environ | {"PYTHONPATH": path},

@@ -16,6 +16,7 @@ from gasp_core.io import write_splat
 from gasp_core.toy import make_toy
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
+SUPPORT = Path(__file__).parents[1] / "support"
 PATIENCE = 60.0
 
 SCENE = """\
@@ -69,7 +70,7 @@ else:
 
 
 def surroundings():
-    path = [str(FAKES / "frail"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    path = [str(FAKES / "frail"), str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return os.environ | {"PYTHONPATH": os.pathsep.join(path)}
 
 

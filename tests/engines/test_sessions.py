@@ -32,12 +32,14 @@ def equal(one: PointState, other: PointState):
 
 def test_results_are_those_of_the_engine_bit_for_bit(registry, isolated, opened, problem):
     with (
-        opened(open_engine(registry.offer("frail")), problem, spin=3.0) as here,
-        opened(isolated, problem, spin=3.0) as there,
+        opened(open_engine(registry.offer("frail")), problem, fault="warn", spin=3.0) as here,
+        opened(isolated, problem, fault="warn", spin=3.0) as there,
     ):
         equal(here.read(ALL), there.read(ALL))
         for time in (0.1, 1 / 3, 0.5):
-            assert here.advance_to(time) == there.advance_to(time)
+            report = here.advance_to(time)
+            assert report.warnings == ("so so",)
+            assert report == there.advance_to(time)
             assert here.time == there.time == time
             equal(here.read(ALL), there.read(ALL))
         kept, same = here.checkpoint(), there.checkpoint()
@@ -124,8 +126,8 @@ def test_the_worker_imports_the_contract_and_its_plugin_alone(isolated, opened, 
         "gasp_core",
         "numpy",
         "pluggy",
+        "flying_points",
         "fake_frail",
-        "fake_frail_engine",
     }
     ours = {name for name in modules if name.startswith("gasp_core.")}
     rooms = {".".join(name.split(".")[:2]) for name in ours}
@@ -177,9 +179,9 @@ def test_a_closed_session_is_closed(isolated, opened, problem, logs):
 def test_a_missing_backend_says_what_to_do(registry, opened, problem, monkeypatch):
     import gasp_core.engines.worker.engine as worker
 
-    without = dataclasses.replace(registry.descriptor("frail"), factory="fake_frail_engine.nowhere:Frail")
+    without = dataclasses.replace(registry.descriptor("frail"), factory="flying_points.nowhere:Ballistic")
     engine = worker.WorkerEngine(without, worker.own_interpreter(), "mend it so")
-    with pytest.raises(PluginLoadError, match=r"fake_frail_engine\.nowhere.* cannot be loaded.*; mend it so"):
+    with pytest.raises(PluginLoadError, match=r"flying_points\.nowhere.* cannot be loaded.*; mend it so"):
         opened(engine, problem)
 
 

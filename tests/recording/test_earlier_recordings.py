@@ -10,6 +10,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import flying_points
 import numpy as np
 import pytest
 
@@ -159,13 +160,13 @@ def test_a_key_that_has_gone_from_an_older_recording_is_named_where_it_may_have_
         run(scenes.scene(1), path, resume=True)
 
 
-def test_an_option_that_is_new_since_does_not_keep_a_run_from_going_on(run, tmp_path, ballistic, monkeypatch):
+def test_an_option_that_is_new_since_does_not_keep_a_run_from_going_on(run, tmp_path, monkeypatch):
     import dataclasses
 
     path = tmp_path / "run.gasp"
     run(scenes.scene(1), path, frames=3)
-    later = dataclasses.make_dataclass("Options", [("glow", float, 0.0)], bases=(ballistic.Options,), frozen=True)
-    monkeypatch.setattr(ballistic, "Options", later)
+    later = dataclasses.make_dataclass("Options", [("glow", float, 0.0)], bases=(flying_points.Options,), frozen=True)
+    monkeypatch.setattr(flying_points, "Options", later)
     assert run(scenes.scene(1), path, resume=True).status == "complete"
     shutil.rmtree(path)
     run(scenes.scene(1), path, frames=3)

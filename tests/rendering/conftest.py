@@ -1,38 +1,9 @@
-import importlib.util
-import os
-import sys
-from pathlib import Path
-
+import flying_points
 import numpy as np
 import pytest
 
 from gasp_core import Collider, Elastic, EngineChoice, Gaussians, HalfSpace, Scene, SplatObject, simulate
 from gasp_core.rendering.contract import Picture
-
-HERE = Path(__file__).parent
-
-
-def _load_ballistic():
-    # Test folders are no packages (importlib mode): the engine of the other folder is shared by path.
-    if "ballistic" not in sys.modules:
-        spec = importlib.util.spec_from_file_location("ballistic", HERE.parent / "simulation" / "ballistic.py")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules["ballistic"] = module
-        spec.loader.exec_module(module)
-    return sys.modules["ballistic"]
-
-
-@pytest.fixture(autouse=True)
-def no_flush(monkeypatch):
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-
-
-@pytest.fixture(scope="session")
-def data():
-    folder = Path(os.environ.get("GASP_DATA", HERE.parents[1].parent / "shared" / "data"))
-    if not folder.is_dir():
-        pytest.skip(f"no real splats at {folder} (set GASP_DATA)")
-    return folder
 
 
 def blob(count=60, seed=0):
@@ -66,10 +37,9 @@ def falling_scene():
 @pytest.fixture
 def run_of(tmp_path):
     """Runs a scene with the engine of the tests."""
-    ballistic = _load_ballistic()
 
     def go(scene, name="run.gasp", **options):
-        engine = (ballistic.descriptor(), ballistic.Ballistic())
+        engine = (flying_points.descriptor(), flying_points.Ballistic())
         return simulate(scene, engine=engine, out=tmp_path / name, progress=False, **options)
 
     return go

@@ -17,7 +17,7 @@ import numba.core.cpu
 import numba.np.ufunc.parallel
 import scenery
 import zarr.codecs
-from ballistic import Ballistic, descriptor
+from flying_points import Ballistic, descriptor
 
 import gasp_core
 

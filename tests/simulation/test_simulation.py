@@ -4,6 +4,7 @@ import dataclasses
 import subprocess
 import sys
 
+import flying_points
 import numpy as np
 import pytest
 
@@ -125,13 +126,13 @@ def test_a_body_far_out_keeps_the_shape_of_its_small_parts(cloud, scene_of, run,
     np.testing.assert_allclose((last.means - first.means)[:, 0], 8000, rtol=1e-9)
 
 
-def test_the_engine_is_given_the_spacing_and_its_typed_options(ballistic, scene_of, tmp_path):
-    engine = ballistic.Ballistic()
+def test_the_engine_is_given_the_spacing_and_its_typed_options(scene_of, tmp_path):
+    engine = flying_points.Ballistic()
     scene = scene_of(options={"spin": 0}, accuracy=EngineAccuracy(resolution=10))
-    gasp_core.simulate(scene, (ballistic.descriptor(), engine), tmp_path / "a.gasp")
+    gasp_core.simulate(scene, (flying_points.descriptor(), engine), tmp_path / "a.gasp")
     problem, accuracy, options, restart = engine.opened[0]
     assert accuracy.spacing == Recording.open(tmp_path / "a.gasp").header.spacing
-    assert options == ballistic.Options(spin=0.0)
+    assert options == flying_points.Options(spin=0.0)
     assert restart is None
     assert problem.points.size > 10 * accuracy.spacing * 0.99
 
@@ -171,7 +172,7 @@ def test_a_run_that_is_no_longer_credible_stops_and_keeps_what_was_good(fault, s
 
 def test_an_engine_that_falls_over(scene_of, run, tmp_path):
     with pytest.raises(ZeroDivisionError):
-        run(scene_of(options={"fault": "crash", "fault_time": 0.2}), tmp_path / "a.gasp")
+        run(scene_of(options={"fault": "error", "fault_time": 0.2}), tmp_path / "a.gasp")
     recording = Recording.open(tmp_path / "a.gasp")
     assert (recording.status, recording.frame_count) == ("incomplete", 5)
     assert "ZeroDivisionError: the engine fell over" in recording.reason
@@ -191,7 +192,7 @@ def test_ctrl_c_stops_cleanly_and_resuming_gives_the_same(scene_of, run, tmp_pat
 
 
 @pytest.mark.parametrize("checkpoints", [True, False])
-def test_stopping_after_some_frames_and_going_on(checkpoints, scene_of, run, tmp_path, ballistic):
+def test_stopping_after_some_frames_and_going_on(checkpoints, scene_of, run, tmp_path):
     whole = run(scene_of(), tmp_path / "whole.gasp")
     part = run(scene_of(), tmp_path / "a.gasp", frames=4, checkpoints=checkpoints)
     assert (part.status, part.frame_count, part.frames_wanted) == ("incomplete", 4, 11)
@@ -321,7 +322,7 @@ def test_clipping_is_counted(scene_of, run, tmp_path):
     assert recording.diagnostics(10)["clipped"] == 40
 
 
-def test_degenerate_simplices_keep_their_last_frame(scene_of, run, tmp_path, ballistic, monkeypatch):
+def test_degenerate_simplices_keep_their_last_frame(scene_of, run, tmp_path, monkeypatch):
     """Points of one simplex that fall together have no shape: it keeps the last it had, and is counted.
 
     All numbers here are sums of a few powers of two, and so are their means over 128 points: float32 holds them.
@@ -335,7 +336,7 @@ def test_degenerate_simplices_keep_their_last_frame(scene_of, run, tmp_path, bal
         harmonics=np.zeros((count, 1, 3)),
     )
     scene = scene_of(splat, vertices=4, maps=MapChoice(edge_floor=0.0), gravity=(0.0, 0.0, 0.0))
-    read = ballistic.Session.read
+    read = flying_points.Session.read
 
     def changed(self, fields):
         state = read(self, fields)
@@ -344,7 +345,7 @@ def test_degenerate_simplices_keep_their_last_frame(scene_of, run, tmp_path, bal
         positions[21:24] = positions[20] + stretch * (positions[21:24] - positions[20])
         return dataclasses.replace(state, positions=positions)
 
-    monkeypatch.setattr(ballistic.Session, "read", changed)
+    monkeypatch.setattr(flying_points.Session, "read", changed)
     recording = run(scene, tmp_path / "a.gasp")
     assert [entry["degenerate"] for entry in recording.diagnostics()] == [0] * 5 + [1] * 6
     assert recording.commit(10).degenerate == [[[5, 4]]]
@@ -357,11 +358,13 @@ def test_degenerate_simplices_keep_their_last_frame(scene_of, run, tmp_path, bal
     assert again.commit(10).degenerate == recording.commit(10).degenerate
 
 
-def test_progress_goes_to_stderr_and_says_what_was_set_aside(cloud, scene_of, ballistic, tmp_path, capfd):
+def test_progress_goes_to_stderr_and_says_what_was_set_aside(cloud, scene_of, tmp_path, capfd):
     splat = cloud()
     splat = splat.with_(opacities=np.where(np.arange(40) < 3, 0.0, 1.0))
     scene = scene_of(splat, min_opacity=0.5, floaters=Floaters.DROP)
-    gasp_core.simulate(scene, (ballistic.descriptor(), ballistic.Ballistic()), tmp_path / "a.gasp", progress=True)
+    gasp_core.simulate(
+        scene, (flying_points.descriptor(), flying_points.Ballistic()), tmp_path / "a.gasp", progress=True
+    )
     captured = capfd.readouterr()
     assert captured.out == ""
     assert "3 of 40 Gaussians are below min_opacity" in captured.err
@@ -417,10 +420,10 @@ def told_of_sound(recording):
     return [(frame, warning) for frame, entry in entries for warning in entry["warnings"] if "sound" in warning]
 
 
-def test_matter_that_outruns_its_sound_is_told_once(ballistic, scene_of, tmp_path, capfd):
+def test_matter_that_outruns_its_sound_is_told_once(scene_of, tmp_path, capfd):
     # c = 10 m/s; falling from rest at 30 m/s^2 it is that fast after a third of a second, within frame 9.
     scene = scene_of(gravity=(0.0, 0.0, -30.0))
-    engine = (ballistic.descriptor(), ballistic.Ballistic())
+    engine = (flying_points.descriptor(), flying_points.Ballistic())
     recording = gasp_core.simulate(scene, engine, tmp_path / "a.gasp", progress=True)
     assert recording.status == "complete"
     [(frame, warning)] = told_of_sound(recording)

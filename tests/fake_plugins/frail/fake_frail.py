@@ -1,28 +1,24 @@
-"""An engine that does what engines must not do, when it is told to; and the same with an environment of its own."""
+"""The engine of the tests under a name of its own, with options of odd kinds; and the same with an environment.
+
+It claims to model everything, so that what does not fit elsewhere is asked of it.
+"""
 
 import dataclasses
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
+
+import flying_points
 
 from gasp_core.contract import (
     MATERIALS,
     BoxShape,
     ContactCondition,
-    Determinism,
     DomainPolicy,
-    Driven,
     Elastic,
-    EngineCapabilities,
-    EngineDescriptor,
     EngineEnvironment,
     Field,
     HalfSpace,
-    Impulse,
-    Pinned,
-    Precision,
     SphereShape,
-    Wind,
 )
 from gasp_core.discovery.hookspecs import hookimpl
 
@@ -33,37 +29,24 @@ class Mood(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrailOptions:
-    fault: str = ""
-    fault_time: float = 0.1
-    note: Path | None = None
+class FrailOptions(flying_points.Options):
     mood: Mood = Mood.CALM
     weights: tuple[float, ...] = ()
-    spin: float = 0.0
 
 
-CAPABILITIES = EngineCapabilities(
-    materials=frozenset({Elastic, *MATERIALS.values()}),
-    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
-    contact_conditions=frozenset(ContactCondition),
-    drives=frozenset({Pinned, Driven, Impulse}),
-    force_fields=frozenset({Wind}),
-    output_fields=frozenset(Field),
-    conserved=frozenset(),
-    devices=("cpu",),
-    precisions=(Precision.FLOAT64,),
-    determinism=Determinism.BITWISE,
-    domain_policies=frozenset(DomainPolicy),
-    carries_tracers=True,
-    checkpoints=True,
-)
-
-FRAIL = EngineDescriptor(
+BALLISTIC = flying_points.descriptor(fields=frozenset(Field))
+FRAIL = dataclasses.replace(
+    BALLISTIC,
     name="frail",
     summary="Does what engines must not do",
-    contract_version=(1, 0),
-    capabilities=CAPABILITIES,
-    factory="fake_frail_engine:Frail",
+    capabilities=dataclasses.replace(
+        BALLISTIC.capabilities,
+        materials=frozenset({Elastic, *MATERIALS.values()}),
+        collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+        contact_conditions=frozenset(ContactCondition),
+        domain_policies=frozenset(DomainPolicy),
+        carries_tracers=True,
+    ),
     options=FrailOptions,
 )
 AWAY = dataclasses.replace(

@@ -79,7 +79,7 @@ def test_crashes_are_outcomes_and_take_nobody_along(run_of, tmp_path, left_behin
         assert outcome.peak_bytes > 20e6
         if outcome.key == "segfault":
             # Where it fell, not how it came there.
-            assert "fake_frail_engine.py" in outcome.reason
+            assert "faults.py" in outcome.reason
     assert left_behind(tmp_path) == []
     assert not list(tmp_path.glob(".runs-*"))
 
