@@ -37,6 +37,7 @@ __all__ = [
     "Push",
     "clamped_at_edge",
     "driven_block",
+    "driven_twice",
     "expanding_domain",
     "pinned_block",
     "pushed_block",
@@ -226,6 +227,28 @@ def driven_block(subject: Subject) -> Grip:
             allowed=1.05 * oracles.euler_fall_error(pull, late, step) + rounded,
         ),
     )
+
+
+def driven_twice(subject: Subject) -> Deviation:
+    """Two drives hold a block, of which the one that stands first begins last: it goes with the other, which wins."""
+    start, middle, end = 0.05, 0.15, 0.35
+    first, second = np.array([-0.3, 0.4, 0.2]), np.array([0.5, -0.2, 0.3])
+    drives = (
+        Driven(region=_AROUND, start=middle, velocity=tuple(first)),
+        Driven(region=_AROUND, start=start, velocity=tuple(second)),
+    )
+    gravity = np.array([1.0, -2.0, -9.0])
+    problem, taken, _ = _two_blocks(subject, (0.0, 0.0, 0.0), gravity=tuple(gravity), drives=drives)
+    times = [start, middle, 0.5 * (middle + end), end]
+    places, step, rounded = _snapshots(subject, problem, times)
+    count = len(taken)
+    errors = [
+        _distance(place[:count], places[0][:count] + second * (time - start)) for place, time in zip(places, times)
+    ]
+    speed = float(np.linalg.norm(second))
+    # The grip closes within a substep, in which matter moves as it did before.
+    fallen = float(np.linalg.norm(gravity)) * start
+    return Deviation(error=max(errors), allowed=(speed + fallen) * step + rounded)
 
 
 def pushed_block(subject: Subject) -> Push:

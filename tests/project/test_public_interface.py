@@ -37,7 +37,13 @@ RENEW = "python tests/project/test_public_interface.py"
 MODULES = (
     "gasp_core.contract",
     "gasp_core.errors",
+    "gasp_core.stepping.embedding",
+    "gasp_core.stepping.enclosure",
+    "gasp_core.stepping.forcing",
+    "gasp_core.stepping.neighbours",
     "gasp_core.stepping.session",
+    "gasp_core.stepping.signed_distances",
+    "gasp_core.stepping.voxel_cage",
     "gasp_core.discovery.hookspecs",
     "gasp_core.rendering.contract",
     "gasp_core",

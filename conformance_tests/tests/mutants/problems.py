@@ -356,6 +356,14 @@ class DrivesNeverEnd(Mutant):
         return replace(problem, drives=tuple(replace(one, end=np.inf) for one in problem.drives))
 
 
+@mutant("first-drive-wins", {"drive:driven": "error of what two drives hold"})
+class FirstDriveWins(Mutant):
+    """Of two drives that hold the same place the first in the list decides."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, drives=problem.drives[::-1])
+
+
 @mutant("drives-do-not-turn", {"drive:driven": "error in its time"})
 class DrivesDoNotTurn(Mutant):
     """What is driven moves, but does not turn."""

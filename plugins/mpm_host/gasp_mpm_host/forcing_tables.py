@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,15 @@ from gasp_core.contract import (
     Drive,
     Driven,
     HalfSpace,
-    Impulse,
-    PointProblem,
     Side,
     SphereShape,
     Wind,
 )
+from gasp_core.stepping.forcing import rotation_matrix, walls_of
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["active_drives", "active_winds", "collider_rows", "drive_rows", "wind_rows"]
+__all__ = ["collider_rows", "drive_rows", "wind_rows"]
 
 Array = NDArray[Any]
 
@@ -54,7 +53,7 @@ def _fill_shape(row: Array, shape: HalfSpace | BoxShape | SphereShape | None, un
 
 def collider_rows(colliders: tuple[Collider, ...], units: Units) -> Array:
     """Rows (K, `layout.COLLIDER_WIDTH`); a container with flat sides is as many as it has sides."""
-    walls = [wall for collider in colliders for wall in _walls(collider)]
+    walls = [wall for collider in colliders for wall in walls_of(collider)]
     rows = np.zeros((len(walls), at.COLLIDER_WIDTH))
     for row, wall in zip(rows, walls):
         _fill_shape(row, wall.shape, units)
@@ -64,29 +63,7 @@ def collider_rows(colliders: tuple[Collider, ...], units: Units) -> Array:
     return rows
 
 
-def _walls(collider: Collider) -> list[Collider]:
-    """Six half spaces for a box seen from inside: with one normal a node, matter would leak through the edges."""
-    if not (isinstance(collider.shape, BoxShape) and collider.side is Side.INSIDE):
-        return [collider]
-    center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
-    outward = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
-    return [
-        replace(collider, shape=HalfSpace(point=tuple(center + half * out), normal=tuple(-out)), side=Side.OUTSIDE)
-        for out in outward
-    ]
-
-
-def active_winds(problem: PointProblem, time: float) -> list[Wind]:
-    """Winds that blow in a step that starts at `time` [s]."""
-    return [wind for wind in problem.force_fields if isinstance(wind, Wind) and wind.start <= time < wind.end]
-
-
-def active_drives(problem: PointProblem, time: float) -> list[Drive]:
-    """Drives other than impulses that act in a step that starts at `time` [s], in the given order."""
-    return [drive for drive in problem.drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end]
-
-
-def wind_rows(winds: list[Wind], step: float, units: Units) -> Array:
+def wind_rows(winds: Sequence[Wind], step: float, units: Units) -> Array:
     """Rows (K, `layout.WIND_WIDTH`) for steps of `step` [s]."""
     rows = np.zeros((len(winds), at.WIND_WIDTH))
     for row, wind in zip(rows, winds):
@@ -96,17 +73,7 @@ def wind_rows(winds: list[Wind], step: float, units: Units) -> Array:
     return rows
 
 
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix about `vector` by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-
-
-def drive_rows(drives: list[Drive], time: float, units: Units) -> Array:
+def drive_rows(drives: Sequence[Drive], time: float, units: Units) -> Array:
     """Rows (K, `layout.DRIVE_WIDTH`) of where the drives' regions are at `time` [s] and how they move."""
     rows = np.zeros((len(drives), at.DRIVE_WIDTH))
     for row, drive in zip(rows, drives):
@@ -117,7 +84,7 @@ def drive_rows(drives: list[Drive], time: float, units: Units) -> Array:
             velocity, spin = np.asarray(drive.velocity), np.asarray(drive.angular_velocity)
             row[8:11] = units.cells(drive.center)
             row[11:14] = row[8:11] + velocity * elapsed / units.spacing
-            row[14:23] = _rotation(spin * elapsed).T.reshape(-1)
+            row[14:23] = rotation_matrix(spin * elapsed).T.reshape(-1)
             row[23:26] = velocity / units.speed
             row[26:29] = spin * units.time
     return rows

@@ -12,19 +12,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status, Wind
 from gasp_core.errors import SceneError
+from gasp_core.stepping.forcing import drives_at, force_fields_at
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
-from gasp_mpm_host.forcing_tables import (
-    active_drives,
-    active_winds,
-    collider_rows,
-    drive_rows,
-    wind_rows,
-)
+from gasp_mpm_host.forcing_tables import collider_rows, drive_rows, wind_rows
 from gasp_mpm_host.rows import Survey
 from gasp_mpm_host.scaling import Units
 
@@ -217,7 +212,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         """Take `count` steps, the last of which ends at `landing`, if any; sort where a point has strayed from home."""
         cloud = self.held()
         begin = self._time
-        winds, drives = active_winds(self._problem, begin), active_drives(self._problem, begin)
+        winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
+        drives = drives_at(self._problem.drives, begin)
         placed = [drive_rows(drives, begin + index * step, self._units) for index in range(count)]
         cloud.begin_batch(
             step,

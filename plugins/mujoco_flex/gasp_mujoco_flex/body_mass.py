@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
 from gasp_core.stepping.enclosure import enclosed
-from gasp_mujoco_flex.voxel_grid import Lattice, fits
+from gasp_core.stepping.voxel_cage import VoxelGrid
 
 __all__ = ["Matter", "affine_fit", "matter_of"]
 
@@ -54,8 +54,8 @@ class Matter:
         return start + self.masses @ (self.positions - start) / self.mass
 
 
-def matter_of(problem: PointProblem, rows: Array, lattice: Lattice, spacing: float, *, filled: bool) -> Matter:
-    """The points in `rows`, and the empty parts of a lattice's cells that they enclose.
+def matter_of(problem: PointProblem, rows: Array, grid: VoxelGrid, spacing: float, *, filled: bool) -> Matter:
+    """The points in `rows`, and the empty parts of a grid's cells that they enclose.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def matter_of(problem: PointProblem, rows: Array, lattice: Lattice, spacing: flo
     points = problem.points
     positions, velocities = points.reference_positions[rows], points.initial_velocities[rows]
     volumes, materials = points.reference_volumes[rows], points.material_ids[rows]
-    inside = _hollows(lattice, positions, spacing) if filled else (np.zeros((0, 3)), 0.0)
+    inside = _hollows(grid, positions, spacing) if filled else (np.zeros((0, 3)), 0.0)
     count = len(inside[0])
     if count:
         shares = np.bincount(materials, weights=volumes)
@@ -87,12 +87,12 @@ def matter_of(problem: PointProblem, rows: Array, lattice: Lattice, spacing: flo
     )
 
 
-def _hollows(lattice: Lattice, positions: Array, spacing: float) -> tuple[Array, float]:
+def _hollows(grid: VoxelGrid, positions: Array, spacing: float) -> tuple[Array, float]:
     """Middles (M, 3) [m] of what is empty and enclosed, and the volume [m^3] of each."""
-    parts = int(np.clip(np.rint(lattice.sides.max() / spacing), 1, _FINEST))
-    while parts > 1 and not fits(lattice.refined(parts)):
+    parts = int(np.clip(np.rint(grid.sides.max() / spacing), 1, _FINEST))
+    while parts > 1 and not grid.refined(parts).is_small:
         parts -= 1
-    fine = lattice.refined(parts)
+    fine = grid.refined(parts)
     occupied = np.zeros(fine.shape, dtype=bool)
     occupied[tuple(fine.locate(positions)[0].T)] = True
     found = np.argwhere(enclosed(occupied))

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from gasp_core.stepping.voxel_cage import VoxelCage, VoxelGrid, voxel_cage
 from gasp_mujoco_flex.body_mass import Matter, affine_fit
-from gasp_mujoco_flex.elements import CORNERS
-from gasp_mujoco_flex.embedding import Embedding
-from gasp_mujoco_flex.voxel_grid import Lattice
 
 __all__ = ["Cage", "cage_of"]
 
@@ -28,19 +26,11 @@ _UNSEEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cage:
-    """Cells and nodes.
+class Cage(VoxelCage):
+    """Voxels and nodes, and what they are made of.
 
     Parameters
     ----------
-    lattice
-        What they are cells of.
-    cells : (C, 3)
-        Of the lattice.
-    corners : (C, 8)
-        Their nodes, in the order of `CORNERS`.
-    nodes : (M, 3)
-        Of the lattice, counted from its first corner.
     fractions : (C,)
         How much of each cell is matter, above 0, at most 1.
     materials : (C,)
@@ -50,69 +40,43 @@ class Cage:
         At the start.
     matter
         What is embedded.
-    embedding
-        Of all of it.
     """
 
-    lattice: Lattice
-    cells: Array
-    corners: Array
-    nodes: Array
     fractions: Array
     materials: Array
     masses: Array
     velocities: Array
     matter: Matter
-    embedding: Embedding
-
-    @property
-    def positions(self) -> Array:
-        """Of the nodes at the start, (M, 3) [m]."""
-        return self.lattice.lower + self.nodes * self.lattice.sides
 
     @property
     def tetrahedra(self) -> Array:
         """Six a cell, as nodes (6 C, 4), of positive volume."""
-        return self.corners[:, _TETRAHEDRA].reshape(-1, 4)
+        return self.embedding.corners[:, _TETRAHEDRA].reshape(-1, 4)
 
     def inside_out(self, places: Array) -> Array:
         """Which cells (C,) have no volume left in their middle, or less, with nodes at places (M, 3)."""
-        at = places[self.corners].reshape(-1, 2, 2, 2, 3)
+        at = places[self.embedding.corners].reshape(-1, 2, 2, 2, 3)
         edges = [np.diff(at, axis=axis).reshape(-1, 4, 3).mean(axis=1) for axis in (1, 2, 3)]
         return np.linalg.det(np.stack(edges, axis=1)) <= 0
 
 
-def cage_of(matter: Matter, lattice: Lattice) -> Cage:
-    """The cage of the cells of a lattice that hold matter."""
-    located, places = lattice.locate(matter.positions)
-    keys = np.ravel_multi_index(tuple(located.T), lattice.shape)
-    found, own = np.unique(keys, return_inverse=True)
-    cells = np.stack(np.unravel_index(found, lattice.shape), axis=1)
-    full = np.array(lattice.shape) + 1
-    at_corners = np.ravel_multi_index(tuple(np.moveaxis(cells[:, None] + CORNERS, -1, 0)), tuple(full))
-    node_keys, corners = np.unique(at_corners, return_inverse=True)
-    corners = corners.reshape(-1, 8)
-    embedding = Embedding(
-        corners=corners.astype(np.int32), cells=own.reshape(-1).astype(np.int32), places=places, nodes=len(node_keys)
-    )
-    weights = embedding.weights()
+def cage_of(matter: Matter, grid: VoxelGrid) -> Cage:
+    """The cage of the voxels of a grid that hold matter."""
+    cage = voxel_cage(grid, matter.positions)
+    weights = cage.embedding.weights()
     masses = np.asarray(weights.T @ matter.masses)
-    nodes = np.stack(np.unravel_index(node_keys, tuple(full)), axis=1)
-    positions = lattice.lower + nodes * lattice.sides
-    volumes = np.bincount(own, weights=matter.volumes)
-    amounts = np.zeros((len(cells), int(matter.materials.max()) + 1))
-    np.add.at(amounts, (own, matter.materials), matter.volumes)
+    amounts = np.zeros((len(cage.voxels), int(matter.materials.max()) + 1))
+    np.add.at(amounts, (cage.embedding.cells, matter.materials), matter.volumes)
     return Cage(
-        lattice=lattice,
-        cells=cells,
-        corners=corners,
-        nodes=nodes,
-        fractions=np.clip(volumes / lattice.sides.prod(), _THINNEST, 1.0),
+        grid=grid,
+        voxels=cage.voxels,
+        nodes=cage.nodes,
+        embedding=cage.embedding,
+        fractions=np.maximum(cage.filled_fractions(matter.volumes), _THINNEST),
         materials=np.argmax(amounts, axis=1),
         masses=masses,
-        velocities=_nodal_velocities(matter, weights, masses, positions),
+        velocities=_nodal_velocities(matter, weights, masses, cage.positions),
         matter=matter,
-        embedding=embedding,
     )
 
 

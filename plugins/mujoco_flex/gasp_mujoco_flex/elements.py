@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CORNERS", "cell_stiffness", "elasticity"]
+from gasp_core.stepping.embedding import CORNERS
+
+__all__ = ["cell_stiffness", "elasticity"]
 
 Array = NDArray[Any]
-
-CORNERS: Array = np.array(list(itertools.product((0, 1), repeat=3)))
-"""Corners of a cell, (8, 3) in cells: x slowest, z fastest, as MuJoCo orders the nodes of a lattice."""
 
 _GAUSS = 1 / np.sqrt(3)
 

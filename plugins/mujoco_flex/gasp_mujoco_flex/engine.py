@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision, Rigid
 from gasp_core.errors import SceneError
+from gasp_core.stepping.voxel_cage import voxel_grid_around
 from gasp_mujoco_flex.body_mass import matter_of
 from gasp_mujoco_flex.cage import Cage, cage_of
 from gasp_mujoco_flex.model import build_model
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody, rigid_body
 from gasp_mujoco_flex.session import MujocoSession
-from gasp_mujoco_flex.voxel_grid import lattice_around, node_count, point_distance
+from gasp_mujoco_flex.voxel_grid import node_count, point_distance
 
 __all__ = ["MujocoFlex"]
 
@@ -26,7 +27,7 @@ Array = NDArray[Any]
 _RIGID_CELLS = 16
 """Along a rigid body's longest side, where boxes stand for it."""
 _MOST_CELLS = 2**14
-"""Of a cage's whole lattice: MuJoCo keeps 4.6 kB for each, filled or not."""
+"""Of a cage's whole grid: MuJoCo keeps 4.6 kB for each, filled or not."""
 _COARSER = 1.03
 """By how much cells grow at least until their nodes are few enough."""
 
@@ -104,16 +105,16 @@ def _cages(
     side = largest / options.cells if options.cells else spacing
 
     def nodes(side: float) -> float:
-        lattices = [lattice_around(cloud, margin, side) for cloud, margin in zip(clouds, margins)]
-        if sum(np.prod(one.shape) for one in lattices) > _MOST_CELLS:
+        grids = [voxel_grid_around(cloud, margin, side) for cloud, margin in zip(clouds, margins)]
+        if sum(np.prod(one.shape) for one in grids) > _MOST_CELLS:
             return math.inf
-        return sum(node_count(one, cloud, filled=options.filled) for one, cloud in zip(lattices, clouds))
+        return sum(node_count(one, cloud, filled=options.filled) for one, cloud in zip(grids, clouds))
 
     def built(side: float) -> list[Cage]:
         found: list[Cage] = []
         for rows, cloud, margin in zip(bodies, clouds, margins):
-            lattice = lattice_around(cloud, margin, side)
-            found.append(cage_of(matter_of(problem, rows, lattice, spacing, filled=options.filled), lattice))
+            grid = voxel_grid_around(cloud, margin, side)
+            found.append(cage_of(matter_of(problem, rows, grid, spacing, filled=options.filled), grid))
         return found
 
     if options.cells:
@@ -139,5 +140,5 @@ def _rigid(problem: PointProblem, rows: Array, spacing: float, *, filled: bool) 
     cloud = problem.points.reference_positions[rows]
     margin = point_distance(cloud, problem.points.reference_volumes[rows]) / 2
     side = (float(np.ptp(cloud, axis=0).max()) + 2 * margin) / _RIGID_CELLS
-    lattice = lattice_around(cloud, margin, max(side, min(spacing, 2 * margin)))
-    return rigid_body(matter_of(problem, rows, lattice, spacing, filled=filled), lattice, margin)
+    grid = voxel_grid_around(cloud, margin, max(side, min(spacing, 2 * margin)))
+    return rigid_body(matter_of(problem, rows, grid, spacing, filled=filled), grid, margin)

@@ -158,7 +158,7 @@ def _add_collider(
     sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
     depth = 0.0
     for places, side in [
-        *((cage.positions, cage.lattice.sides.max()) for cage in cages),
+        *((cage.positions, cage.grid.sides.max()) for cage in cages),
         *((body.centre + _corners(body), np.cbrt(body.matter.volumes.sum())) for body in bodies),
     ]:
         depth = max(depth, float((-sign * collider.shape.signed_distance(places)).max()) / side)
@@ -224,13 +224,13 @@ def _add_cage(
     flex = spec.add_flex(name=f"{name}_elastic", dim=3, radius=0, **untouchable)
     flex.young, flex.poisson = 1.0, 0.0
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-    flex.order, flex.cellcount = 1, list(cage.lattice.shape)
-    full = tuple(side + 1 for side in cage.lattice.shape)
+    flex.order, flex.cellcount = 1, list(cage.grid.shape)
+    full = tuple(side + 1 for side in cage.grid.shape)
     at = np.full(full, -1)
     at[tuple(cage.nodes.T)] = np.arange(len(names))
-    lattice_nodes = units.place(cage.lattice.lower + np.argwhere(at > -2) * cage.lattice.sides)
+    grid_nodes = units.place(cage.grid.lower + np.argwhere(at > -2) * cage.grid.sides)
     flex.nodebody = [names[node] if node >= 0 else "world" for node in at.ravel()]
-    flex.node = np.where((at.ravel() >= 0)[:, None], 0.0, lattice_nodes).ravel()
+    flex.node = np.where((at.ravel() >= 0)[:, None], 0.0, grid_nodes).ravel()
     flex.vertbody = ["world"] * len(names)
     flex.vert = places.ravel()
     flex.elem = cage.tetrahedra.ravel()
@@ -257,17 +257,17 @@ def _set_stiffness(compiled: Any, cages: Sequence[Cage], problem: PointProblem, 
         start = int(
             compiled.flex_stiffnessadr[mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_FLEX, f"cage{number}_elastic")]
         )
-        size = 576 * int(np.prod(cage.lattice.shape))
-        cells = compiled.flex_stiffness[start : start + size].reshape(*cage.lattice.shape, 576)
+        size = 576 * int(np.prod(cage.grid.shape))
+        cells = compiled.flex_stiffness[start : start + size].reshape(*cage.grid.shape, 576)
         of_material = {
             material: cell_stiffness(
-                cage.lattice.sides,
+                cage.grid.sides,
                 elasticity(_solid(problem, material).youngs_modulus, _solid(problem, material).poissons_ratio),
             )
             for material in np.unique(cage.materials)
         }
         cells[:] = 0.0
-        for cell, fraction, material in zip(cage.cells, cage.fractions, cage.materials):
+        for cell, fraction, material in zip(cage.voxels, cage.fractions, cage.materials):
             # Forces, so with the other sign.
             cells[tuple(cell)] = -of_material[material].ravel() * fraction * units.length / units.force
 
@@ -298,7 +298,7 @@ def _add_rigid(
 
 def _overlap(cages: Sequence[Cage], bodies: Sequence[RigidBody]) -> bool:
     """Whether any two bodies begin inside each other, by the boxes around them."""
-    boxes = [(cage.lattice.lower, cage.lattice.sides * cage.lattice.shape) for cage in cages]
+    boxes = [(cage.grid.lower, cage.grid.sides * cage.grid.shape) for cage in cages]
     boxes += [(body.centre + low, high - low) for body in bodies for low, high in [_bounds(_corners(body))]]
     for number, (lower, extent) in enumerate(boxes):
         for other, wide in boxes[:number]:

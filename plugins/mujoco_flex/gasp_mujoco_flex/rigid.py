@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from gasp_core.stepping.embedding import CORNERS
+from gasp_core.stepping.voxel_cage import VoxelGrid
 from gasp_mujoco_flex.body_mass import Matter
-from gasp_mujoco_flex.elements import CORNERS
-from gasp_mujoco_flex.voxel_grid import Lattice
 
 __all__ = ["RigidBody", "merged_boxes", "rigid_body"]
 
@@ -53,14 +53,14 @@ class RigidBody:
     arms: Array
 
 
-def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
+def rigid_body(matter: Matter, grid: VoxelGrid, margin: float) -> RigidBody:
     """The rigid body of this matter.
 
     Parameters
     ----------
     matter
         Its points stand for what is within `margin` [m] of them along each axis.
-    lattice
+    grid
         Its cells are the body's shape where that is far from convex.
     """
     centre = matter.centre
@@ -74,7 +74,7 @@ def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
     # The spin of a cube about itself is not seen in its point's velocity: what the points show is kept.
     shown = np.trace(squares) * np.eye(3) - squares
     spin = np.linalg.lstsq(shown, turning, rcond=1e-9)[0]
-    hull, boxes = _shapes(matter, lattice, margin, centre)
+    hull, boxes = _shapes(matter, grid, margin, centre)
     return RigidBody(
         centre=centre,
         inertia=inertia,
@@ -87,10 +87,10 @@ def rigid_body(matter: Matter, lattice: Lattice, margin: float) -> RigidBody:
     )
 
 
-def _shapes(matter: Matter, lattice: Lattice, margin: float, centre: Array) -> tuple[Array, Array]:
+def _shapes(matter: Matter, grid: VoxelGrid, margin: float, centre: Array) -> tuple[Array, Array]:
     """Hull (H, 3) and boxes (B, 2, 3) about the centre; one of them is empty."""
-    occupied = np.zeros(lattice.shape, dtype=bool)
-    occupied[tuple(lattice.locate(matter.positions)[0].T)] = True
+    occupied = np.zeros(grid.shape, dtype=bool)
+    occupied[tuple(grid.locate(matter.positions)[0].T)] = True
     none = np.zeros((0, 3)), np.zeros((0, 2, 3))
     try:
         hull = ConvexHull(matter.positions)
@@ -102,7 +102,7 @@ def _shapes(matter: Matter, lattice: Lattice, margin: float, centre: Array) -> t
         corners = (matter.positions[hull.vertices][:, None] + margin * signs).reshape(-1, 3)
         return corners[ConvexHull(corners).vertices] - centre, none[1]
     corners = merged_boxes(occupied)
-    low, high = (lattice.lower - centre + side * lattice.sides for side in (corners[:, 0], corners[:, 1]))
+    low, high = (grid.lower - centre + side * grid.sides for side in (corners[:, 0], corners[:, 1]))
     return none[0], np.stack([(low + high) / 2, (high - low) / 2], axis=1)
 
 

@@ -40,7 +40,7 @@ class MujocoSession(SteppedSession[Motion]):
     ) -> None:
         self._sound = fastest_sound(problem)
         self._size = model.units.length
-        self._side = min((float(cage.lattice.sides.min()) for cage in model.cages), default=math.inf)
+        self._side = min((float(cage.grid.sides.min()) for cage in model.cages), default=math.inf)
         self._smallest = min([self._side, *(float(np.cbrt(one.matter.volumes.sum())) for one in model.bodies)])
         motion = Motion(problem, model, accuracy)
         time = 0.0 if restart is None else _restored(motion, restart)

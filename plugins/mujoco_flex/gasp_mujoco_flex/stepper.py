@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import ContactCondition, Driven, EngineAccuracy, Impulse, PointProblem, Wind
+from gasp_core.stepping.embedding import carry_rigidly
 from gasp_core.stepping.forcing import force_fields_at
-from gasp_mujoco_flex.embedding import carry_rigidly
 from gasp_mujoco_flex.external_forces import blow, strike
 from gasp_mujoco_flex.kinematic_constraints import TOUCH, Grip, grips, sticking
 from gasp_mujoco_flex.model import Model
@@ -51,7 +51,7 @@ class Motion:
         self._model = model
         self._state = State(model)
         self._armature = model.mj.dof_armature
-        self._room = TOUCH * min((float(cage.lattice.sides.min()) for cage in model.cages), default=0.0)
+        self._room = TOUCH * min((float(cage.grid.sides.min()) for cage in model.cages), default=0.0)
         self._stuck = np.zeros(model.nodes, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)

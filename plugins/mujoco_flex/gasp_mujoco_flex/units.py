@@ -68,7 +68,7 @@ def units_of(problem: PointProblem, cages: Sequence[Cage], bodies: Sequence[Rigi
     clouds = [part.matter.positions for part in (*cages, *bodies)]
     low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
     high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
-    lengths = [float((cage.lattice.sides * cage.lattice.shape).max()) for cage in cages]
+    lengths = [float((cage.grid.sides * cage.grid.shape).max()) for cage in cages]
     lengths += [float(np.cbrt(body.matter.volumes.sum())) for body in bodies]
     masses = np.concatenate([*(cage.masses for cage in cages), [body.matter.mass for body in bodies]])
     length, gravity, sound = max(lengths), math.hypot(*problem.gravity), fastest_sound(problem)

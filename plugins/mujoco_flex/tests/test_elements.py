@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gasp_mujoco_flex.elements import CORNERS, cell_stiffness, elasticity
+from gasp_mujoco_flex.elements import cell_stiffness, elasticity
+
+from gasp_core.stepping.embedding import CORNERS
 
 SIDES = np.array([0.3, 0.2, 0.5])
 PLACES = CORNERS * SIDES

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 from gasp_mujoco_flex.body_mass import Matter
 from gasp_mujoco_flex.cage import cage_of
-from gasp_mujoco_flex.voxel_grid import lattice_around
+
+from gasp_core.stepping.voxel_cage import voxel_grid_around
 
 
 def test_points_are_carried_by_trilinear_weights():
@@ -18,7 +19,7 @@ def test_points_are_carried_by_trilinear_weights():
         volumes=np.full(count, 1 / count),
         materials=np.zeros(count, dtype=int),
     )
-    cage = cage_of(matter, lattice_around(places, 0.01, 0.3))
+    cage = cage_of(matter, voxel_grid_around(places, 0.01, 0.3))
     values = rng.normal(size=(len(cage.masses), 3))
     rows = rng.permutation(count).astype(np.int32)
     found, shifted = np.empty((count, 3)), np.empty((count, 3))

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from gasp_mujoco_flex.colliders import HOLLOW_DIRECTIONS
 from gasp_mujoco_flex.rigid import merged_boxes
-from gasp_mujoco_flex.voxel_grid import lattice_around, node_count, point_distance
+from gasp_mujoco_flex.voxel_grid import node_count, point_distance
 
 from gasp_core.errors import SceneError
 from gasp_core.stepping.enclosure import enclosed
+from gasp_core.stepping.voxel_cage import voxel_grid_around
 
 
 def sphere(count: int = 20_000) -> np.ndarray:
@@ -17,16 +18,16 @@ def sphere(count: int = 20_000) -> np.ndarray:
 
 def test_a_hollow_ball_is_filled_and_its_outside_is_not():
     shell = sphere()
-    lattice = lattice_around(shell, 0.0, 0.1)
-    occupied = np.zeros(lattice.shape, dtype=bool)
-    occupied[tuple(lattice.locate(shell)[0].T)] = True
-    middles = lattice.lower + (np.argwhere(enclosed(occupied)) + 0.5) * lattice.sides
+    grid = voxel_grid_around(shell, 0.0, 0.1)
+    occupied = np.zeros(grid.shape, dtype=bool)
+    occupied[tuple(grid.locate(shell)[0].T)] = True
+    middles = grid.lower + (np.argwhere(enclosed(occupied)) + 0.5) * grid.sides
     distances = np.linalg.norm(middles, axis=1)
     assert distances.max() < 1.0
     # What is deeper than a cell's diagonal is inside, and no cell of the shell.
-    diagonal = float(np.linalg.norm(lattice.sides))
+    diagonal = float(np.linalg.norm(grid.sides))
     inside = 4 / 3 * np.pi * (1 - diagonal) ** 3
-    assert len(middles) * lattice.sides.prod() > inside
+    assert len(middles) * grid.sides.prod() > inside
 
 
 def test_points_at_one_place_count_once():
@@ -35,20 +36,20 @@ def test_points_at_one_place_count_once():
 
 
 def test_nodes_are_those_of_occupied_cells():
-    lattice = lattice_around(np.array([[0.0, 0, 0], [1.0, 1, 1]]), 0.0, 0.5)
+    grid = voxel_grid_around(np.array([[0.0, 0, 0], [1.0, 1, 1]]), 0.0, 0.5)
     two = np.array([[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]])
-    assert node_count(lattice, two, filled=False) == 15
+    assert node_count(grid, two, filled=False) == 15
 
 
 def test_rounding_does_not_decide_how_many_cells_there_are():
     # Two and a half cells.
     for size in (0.25 * (1 - 1e-15), 0.25, 0.25 * (1 + 1e-15)):
-        assert lattice_around(np.array([[0.0, 0, 0], [size, size, size]]), 0.0, 0.1).shape == (2, 2, 2)
+        assert voxel_grid_around(np.array([[0.0, 0, 0], [size, size, size]]), 0.0, 0.1).shape == (2, 2, 2)
 
 
 def test_a_cloud_too_wide_is_refused():
     with pytest.raises(SceneError, match="too far for cells"):
-        lattice_around(np.array([[0.0, 0, 0], [100.0, 100, 100]]), 0.0, 0.01)
+        voxel_grid_around(np.array([[0.0, 0, 0], [100.0, 100, 100]]), 0.0, 0.01)
 
 
 def test_merged_boxes_fill_cells_once():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gasp_mujoco_flex.elements import CORNERS
-
-__all__ = ["Embedding", "carry_rigidly"]
+__all__ = ["CORNERS", "Embedding", "carry_rigidly"]
 
 Array = NDArray[Any]
+
+CORNERS: Array = np.array(list(itertools.product((0, 1), repeat=3)))
+"""Corners of a cell, (8, 3) in cells: x slowest, z fastest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +26,7 @@ class Embedding:
     Parameters
     ----------
     corners : (C, 8)
-        Nodes of the cells.
+        Nodes of the cells, in the order of `CORNERS`.
     cells : (N,) int32
         Cell of each point.
     places : (N, 3)
