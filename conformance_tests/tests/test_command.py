@@ -201,7 +201,12 @@ def test_an_engine_that_ends_the_process_when_it_is_loaded_fails(site: Path, tmp
 
 
 @pytest.mark.parametrize(
-    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM), (signal.SIGKILL, -signal.SIGKILL)]
+    ("number", "status"),
+    [
+        (signal.SIGINT, 130),
+        pytest.param(signal.SIGTERM, -signal.SIGTERM, marks=pytest.mark.thorough),
+        pytest.param(signal.SIGKILL, -signal.SIGKILL, marks=pytest.mark.thorough),
+    ],
 )
 def test_whatever_ends_the_command_ends_the_suite_and_all_it_started(
     site: Path, tmp_path: Path, number: signal.Signals, status: int

@@ -141,9 +141,9 @@ def _caught() -> Iterator[Any]:
     for kind in MUTANTS.values():
         quick = [name for name in kind.caught_by if name not in kind.slow]
         if quick:
-            # One of every module stands for the others while one works on the suite.
-            further = (pytest.mark.thorough,) if kind.__module__ in modules else ()
-            modules.add(kind.__module__)
+            # One of every module, of few checks, stands for the others while one works on the suite.
+            further = (pytest.mark.thorough,) if kind.__module__ in modules or len(quick) > 1 else ()
+            modules |= {kind.__module__} if not further else set()
             yield pytest.param(kind, quick, id=kind.name, marks=further)
         if kind.slow:
             yield pytest.param(kind, kind.slow, id=f"{kind.name}, slowly", marks=pytest.mark.slow)
@@ -168,6 +168,7 @@ def test_a_device_that_is_right_hides_one_that_is_not(endings: Any) -> None:
     assert endings(kind.name, names) == dict.fromkeys(names, "")
 
 
+@pytest.mark.thorough
 def test_a_second_device_need_not_be_bitwise_and_is_the_same_one_in_every_process(endings: Any) -> None:
     # The last digit is left to chance there; matter that feels its stresses ends far from matter that does not.
     kind = MUTANTS["falls-elsewhere"]

@@ -10,6 +10,7 @@ def both(installed):
     installed("frail", "ballistic")
 
 
+@pytest.mark.thorough
 def test_a_table_and_a_page(gasp, both, workplace):
     found = gasp("compare", "scene.toml", "--engines", "ballistic, away", "--size", "64x48")
     assert (found.status, found.err) == (0, "")

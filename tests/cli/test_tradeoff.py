@@ -111,6 +111,7 @@ def test_a_crash_is_a_row_and_where_all_crash_nothing_is_left(gasp, truth, insta
     assert {path.name for path in truth.iterdir()} <= before
 
 
+@pytest.mark.thorough
 def test_what_is_there_already_is_not_touched(refused, gasp, truth):
     mine = truth / "scene.tradeoff" / "recordings"
     mine.mkdir(parents=True)

@@ -50,7 +50,11 @@ def test_the_list_shows_a_factory_that_cannot_be_there(new_engine, row, texts, r
         ({"engine": ("__all__ =", "raise SystemExit(3)\n__all__ =")}, "SystemExit: 3"),
         ({"engine": ("__all__ =", "import os\nos.abort()\n__all__ =")}, "SIGABRT"),
         ({"engine": ("    def open(", "    def opens(")}, "has no method open"),
-        ({"engine": ("__all__ =", "import time\ntime.sleep(600)\n__all__ =")}, "was given up after 5 s"),
+        pytest.param(
+            {"engine": ("__all__ =", "import time\ntime.sleep(600)\n__all__ =")},
+            "was given up after 5 s",
+            marks=pytest.mark.thorough,
+        ),
     ],
     ids=["no backend", "error", "exit", "abort", "no engine", "hang"],
 )

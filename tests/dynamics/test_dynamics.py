@@ -275,7 +275,7 @@ def test_carried_begins_at_rest(record, cloud):
 
 
 @pytest.mark.parametrize("covariance", ["exact", "gram_schmidt"])
-@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("vertices", [3, pytest.param(4, marks=pytest.mark.thorough)])
 def test_the_control_rule_bounds_physics_and_not_psi(record, cloud, vertices, covariance):
     splat = cloud(60)
     growing = PythonMotion(function=lambda points, s: (1 + 10 * s) * points)
@@ -551,7 +551,9 @@ def sway(points, s):
 """
 
 
-@pytest.mark.parametrize("reduction", [Reduction(), CORES], ids=["all", "cores"])
+@pytest.mark.parametrize(
+    "reduction", [pytest.param(Reduction(), marks=pytest.mark.thorough), CORES], ids=["all", "cores"]
+)
 def test_gone_on_with_it_is_the_run_that_never_stopped(run, scene_of, tmp_path, reduction):
     module = tmp_path / "sway.py"
     module.write_text(SWAY.format(amount=0.5))

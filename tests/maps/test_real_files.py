@@ -22,7 +22,8 @@ FILES = [
     "splats/statue-massa.sog",
     "splats/statue-st-peter.sog",
     "splats/train-1000.ply",
-    *(f"splats/playbot/{level}_0" for level in range(7)),
+    pytest.param("splats/playbot/0_0", marks=pytest.mark.thorough),
+    *(f"splats/playbot/{level}_0" for level in range(1, 7)),
     "meshlike/spot_10k.splat",
     "meshlike/spot_100k.splat",
 ]

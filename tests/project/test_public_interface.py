@@ -108,7 +108,9 @@ def module_lines(name: str, known: dict[int, str]) -> Iterator[str]:
     """The names that a module has in `__all__`; a class or function that has a name already is told by that one."""
     module = importlib.import_module(name)
     for public in sorted(module.__all__):
-        thing, full = getattr(module, public), f"{name}.{public}"
+        # What Numba has compiled is told as what it was compiled from.
+        thing = getattr(module, public)
+        thing, full = getattr(thing, "py_func", thing), f"{name}.{public}"
         if id(thing) in known:
             yield f"{full} = {known[id(thing)]}"
         else:

@@ -23,7 +23,9 @@ def _scenery():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
-@pytest.mark.parametrize("trials", [5, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "trials", [2, pytest.param(5, marks=pytest.mark.thorough), pytest.param(20, marks=pytest.mark.slow)]
+)
 def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_same(run, tmp_path, trials):
     scenery = _scenery()
     scene = scenery.scene()

@@ -114,11 +114,13 @@ def test_nearly_incompressible(plant):
     )
 
 
+@pytest.mark.thorough
 def test_ten_metres_a_second_into_the_floor(plant):
     # rho v^2 = 4e4 Pa is E of the other tests: nothing elastic survives that, and the run would stop and say so.
     sound(gasp.simulate(dropped(plant, velocity=(0, 0, -10), drop=0.1, youngs_modulus=1e6)))
 
 
+@pytest.mark.thorough
 def test_ten_kilometres_away(plant):
     near = gasp.simulate(dropped(plant))
     far = gasp.simulate(dropped(plant, offset=1e4))

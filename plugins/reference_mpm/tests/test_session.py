@@ -229,6 +229,7 @@ def test_a_block_thrown_down_at_ten_times_its_speed_of_sound_stays_above_the_flo
     assert state.positions[:, 2].min() > -spacing
 
 
+@pytest.mark.thorough
 def test_sand_rests_on_a_slope_below_its_angle_and_flows_above() -> None:
     spacing, slope = 0.125, math.radians(20)
 

@@ -188,6 +188,7 @@ def test_a_run_is_seen_moved_and_played_and_the_server_outlives_the_browser(serv
     assert (status, out, err) == (130, "", "gasp: interrupted\n")
 
 
+@pytest.mark.thorough
 def test_points_in_the_colours_of_a_quantity_have_a_legend(serve, browse, toy_run, tmp_path):
     server = serve(toy_run, "--layer", "points", "--colour", "displacement")
     page, errors = browse(server.address)

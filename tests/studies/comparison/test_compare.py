@@ -109,6 +109,7 @@ def test_who_diverges_is_compared_as_far_as_it_came(scene_of, tmp_path, size):
     assert "ends at 0.08 s" in found.page.read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_who_crashes_takes_nobody_along_and_what_was_there_can_be_replaced(scene_of, tmp_path, size):
     out = tmp_path / "out"
     for name in ("frail.gasp", "away.gasp"):
@@ -175,6 +176,7 @@ def refusing(*_):
     raise RenderingError("this measure needs something: pip install something")
 
 
+@pytest.mark.thorough
 def test_without_a_measure_of_pictures_there_are_films_all_the_same(recordings, tmp_path, monkeypatch, size):
     monkeypatch.setattr(filming, "psnr", refusing)
     filmed = filming.film_all(recordings, tmp_path, size, progress=False)

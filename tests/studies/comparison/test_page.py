@@ -117,6 +117,7 @@ def test_it_fits_a_telephone(opened):
     assert complaints == []
 
 
+@pytest.mark.thorough
 def test_of_three_or_more_a_table_says_who_is_far_from_whom(whole):
     (pair,) = whole.pairs
     rows = tuple(dataclasses.replace(whole.rows[0], engine=name, film=None) for name in "abc")

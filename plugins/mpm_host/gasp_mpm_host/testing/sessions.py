@@ -62,6 +62,7 @@ class SessionTests:
             with pytest.raises(SceneError, match=lost if lost != "time" else "another scene"):
                 kit.open(falling(kit), spacing=0.1, restart={name: kept[name] for name in kept if name != lost})
 
+    @pytest.mark.thorough
     def test_specialisations_in_one_process_do_not_disturb_each_other(self, kit):
         """Their functions have the same names; each has to be compiled with its own."""
         kinds = ["rubber", "elastic", "sand", "rubber", "elastic", "gel", "sand"]
@@ -349,7 +350,9 @@ class SessionTests:
             # The unused material's stiffness bounds no step either: 1e9 Pa would need more than a thousand.
             assert session.advance_to(0.01).substep_count < 50
 
-    @pytest.mark.parametrize("kind", ["metal", "foam", "snow"])
+    @pytest.mark.parametrize(
+        "kind", ["metal", *(pytest.param(kind, marks=pytest.mark.thorough) for kind in ("foam", "snow"))]
+    )
     def test_flow_does_not_drift_in_single_precision(self, kit, kind):
         """A block that is thrown apart, or together, so that it flows and then swings for the rest of 2000 steps.
 
