@@ -197,7 +197,7 @@ def value_text(value: Any) -> str:
     if inspect.isclass(value) or inspect.isfunction(value):
         return value.__name__
     # An object without a text of its own has an address in it; what a factory makes has no text before it is made.
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return "..." if text.startswith("<") else text
 
 
