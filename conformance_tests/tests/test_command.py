@@ -151,6 +151,7 @@ def command(site: Path, folder: Path, *arguments: str, **variables: str) -> subp
     )
 
 
+@pytest.mark.thorough
 def test_nothing_of_the_folder_it_is_called_from_reaches_the_run(site: Path, tmp_path: Path) -> None:
     (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --no-such-option\n")
     (tmp_path / "conftest.py").write_text("raise RuntimeError('not to be imported')\n")
@@ -186,6 +187,7 @@ def test_nothing_of_the_folder_it_is_called_from_reaches_the_run(site: Path, tmp
     assert (report.engine.distribution, report.engine.version) == ("little-engines", "1.0")
 
 
+@pytest.mark.thorough
 def test_a_process_that_dies_fails_in_the_check_it_died_in(site: Path, tmp_path: Path) -> None:
     ran = command(site, tmp_path, "crasher", "-k", "V2", "--json", "report.json")
     assert ran.returncode == 1, ran.stdout + ran.stderr

@@ -622,6 +622,7 @@ WRONG_SNOW = {
         for name in names
     ],
 )
+@pytest.mark.thorough
 def test_snow_of_another_law_fails(name: str, change: Callable[[Snow], Snow], ledger: Ledger) -> None:
     with pytest.raises(AssertionError, match="snow"):
         run_judge(judges()[name], Flyer(EVERYTHING, evenly(change)).subject(), ledger)
@@ -775,6 +776,7 @@ WRONG_FLOW = {
 
 
 @pytest.mark.parametrize(("change", "name"), WRONG_FLOW.values(), ids=WRONG_FLOW)
+@pytest.mark.thorough
 def test_what_flows_by_another_law_fails(change: Callable[[Any], Any], name: str, ledger: Ledger) -> None:
     def unless_unyielding(given: Any) -> Any:
         return given if given.yield_stress == given.youngs_modulus else change(given)

@@ -161,6 +161,7 @@ def test_mutant_is_caught(endings: Any, kind: Any, names: Sequence[str]) -> None
         assert re.search(says, told), f"{name} fails for another reason: {told}"
 
 
+@pytest.mark.thorough
 def test_a_device_that_is_right_hides_one_that_is_not(endings: Any) -> None:
     """What `--device` is for: on its first device the engine passes, and so does the fall that both devices show."""
     kind = MUTANTS["falls-elsewhere"]

@@ -74,6 +74,7 @@ NUMBERS = range(200)
 # The scenes -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_number_is_a_scene_in_every_process() -> None:
     told = [describe(random_scene(number, EVERYTHING)) for number in range(30)]
     code = (

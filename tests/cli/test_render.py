@@ -88,6 +88,7 @@ def test_an_unfinished_run_is_shown_as_far_as_it_came(gasp, workplace):
 
 
 @needs_renderer
+@pytest.mark.thorough
 def test_a_run_that_is_still_going_is_shown_as_far_as_it_is(workplace, gasp):
     """Another process writes; this one films what is there at that moment."""
     scene = (workplace / "scene.toml").read_text().replace("duration = 0.08", "duration = 40")

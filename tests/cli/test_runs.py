@@ -139,6 +139,7 @@ def wait_until(condition):
         time.sleep(0.02)
 
 
+@pytest.mark.thorough
 def test_demo_makes_a_scene_one_can_go_on_with(gasp, workplace):
     outcome = gasp("demo", "--engine", "reference-mpm", "--frames", 2)
     assert (outcome.status, outcome.err) == (0, "")

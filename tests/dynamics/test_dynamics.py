@@ -165,7 +165,7 @@ def assert_alike(found, expected, tolerance):
     "motion",
     [
         pytest.param(SWING, marks=pytest.mark.thorough),
-        BEND,
+        pytest.param(BEND, marks=pytest.mark.thorough),
         pytest.param(WAVE, marks=pytest.mark.thorough),
         PythonMotion(function=flow, start=0.5, rate=2.0),
     ],

@@ -172,6 +172,7 @@ def test_bad_input_of_the_commands(registry, capfd, tmp_path, monkeypatch):
     assert not (tmp_path / "environments").exists()
 
 
+@pytest.mark.thorough
 def test_a_failed_build_leaves_what_was_there(away, built, capfd, monkeypatch):
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     other = dataclasses.replace(away, environment=EngineEnvironment(python="3.11", packages=("gasp-no-such",)))

@@ -58,7 +58,13 @@ def scene():
     return make
 
 
-@pytest.mark.parametrize(("fault", "words", "more"), DEATHS, ids=[fault for fault, _, _ in DEATHS])
+@pytest.mark.parametrize(
+    ("fault", "words", "more"),
+    [
+        pytest.param(*death, id=death[0], marks=[pytest.mark.thorough] if death[0].startswith("hang") else [])
+        for death in DEATHS
+    ],
+)
 def test_a_dying_worker_is_an_error_and_leaves_nothing_but_its_log(
     isolated, opened, problem, told, gone, logs, fault, words, more
 ):

@@ -76,7 +76,19 @@ def surroundings():
 
 @pytest.mark.parametrize(
     ("thread", "fault"),
-    [("main", "hang in C"), ("other", "hang in C"), ("main", "hang"), ("other", "hang"), ("main", ""), ("other", "")],
+    [
+        ("other", "hang in C"),
+        *(
+            pytest.param(thread, fault, marks=pytest.mark.thorough)
+            for thread, fault in [
+                ("main", "hang in C"),
+                ("main", "hang"),
+                ("other", "hang"),
+                ("main", ""),
+                ("other", ""),
+            ]
+        ),
+    ],
 )
 def test_a_worker_does_not_outlive_its_parent(thread, fault, gone):
     parent = subprocess.Popen(
@@ -151,6 +163,7 @@ def test_ctrl_c_stops_at_the_frame_and_the_worker_is_not_hit(run, tmp_path, gone
     assert logs() == []
 
 
+@pytest.mark.thorough
 def test_ctrl_c_twice_ends_a_hanging_worker(run, tmp_path, gone, logs):
     process = run(fault="hang", fault_time=0.16)
     wait_for(lambda: any("about to hang" in log.read_text() for log in logs()))

@@ -37,7 +37,7 @@ def test_a_gpu_that_is_not_there_is_said_so(kit):
         TaichiMpm().open(falling(kit), device="tpu")
 
 
-@pytest.mark.parametrize("material", ["elastic", "rubber"])
+@pytest.mark.parametrize("material", ["elastic", pytest.param("rubber", marks=pytest.mark.thorough)])
 def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     """Its arrays and its scatter with atomics, run on the CPU: the order of additions apart, the same arithmetic."""
     problem = traced(falling(kit, material))

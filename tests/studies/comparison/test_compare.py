@@ -97,6 +97,7 @@ def test_curves_are_those_of_a_fall(whole, scene_of):
         curves_of(gasp.Recording.open(whole.rows[0].outcome.recording), masses[1:])
 
 
+@pytest.mark.thorough
 def test_who_diverges_is_compared_as_far_as_it_came(scene_of, tmp_path, size):
     found = gasp.compare(scene_of(fault="nan"), ["frail", "ballistic"], tmp_path / "out", size=size)
     assert endings(found) == {"frail": RunStatus.DIVERGED, "ballistic": RunStatus.COMPLETE}

@@ -85,6 +85,7 @@ def test_it_plays_all_films_together(opened, whole):
 
 
 @needs_browser
+@pytest.mark.thorough
 def test_the_slider_moves_all_of_them(opened):
     page, complaints, _ = opened(1200, 900)
     for wanted in (0.4, 0.12, 0.0):
@@ -96,6 +97,7 @@ def test_the_slider_moves_all_of_them(opened):
 
 
 @needs_browser
+@pytest.mark.thorough
 def test_names_are_text_and_nothing_else(opened):
     page, complaints, _ = opened(1200, 900)
     assert page.title() == "<script>alert(1)</script>: 3 engines"
@@ -141,6 +143,7 @@ def test_of_three_or_more_a_table_says_who_is_far_from_whom(whole):
     assert "<svg" not in text
 
 
+@pytest.mark.thorough
 def test_it_is_one_file_that_names_no_other(whole):
     text = whole.page.read_text(encoding="utf-8")
     outside = re.findall(r"""(?:src|href|action|poster|xlink:href)\s*=\s*["']([^"']*)""", text)

@@ -37,7 +37,9 @@ class SessionTests:
         """Let up to four threads be asked for, whatever the machine has."""
         monkeypatch.setattr(core_threads, "processors", lambda: 4)
 
-    @pytest.mark.parametrize("material", ["sand", "rubber", "snow", "metal"])
+    @pytest.mark.parametrize(
+        "material", ["sand", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("rubber", "snow", "metal"))]
+    )
     @pytest.mark.parametrize("precision", ["float32", "float64"])
     def test_restart_is_bitwise(self, kit, precision, material):
         problem = falling(kit, material)
@@ -79,7 +81,7 @@ class SessionTests:
         with pytest.raises(SceneError, match="threads"):
             ThreadOptions(threads=threads)
 
-    @pytest.mark.parametrize("material", ["elastic", "rubber"])
+    @pytest.mark.parametrize("material", ["elastic", pytest.param("rubber", marks=pytest.mark.thorough)])
     def test_any_number_of_threads_gives_the_same_bits(self, kit, pool_of_four, material):
         problem = falling(kit, material)
         results = []
