@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import genesis
+import genesis  # pyright: ignore[reportMissingImports]
 import numpy as np
-import torch
+import torch  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from gasp_genesis_mpm import added_materials

@@ -10,7 +10,7 @@ import contextlib
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any
 
 __all__ = ["Lender", "lender"]
@@ -72,7 +72,7 @@ class Lender:
 
     def _start(self) -> None:
         with _quiet():
-            import genesis
+            import genesis  # pyright: ignore[reportMissingImports]
 
             self._idle.clear()
             genesis.destroy()
@@ -86,7 +86,7 @@ class Lender:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> Generator[None, None, None]:
     """What Genesis prints goes to standard error: standard output belongs to whoever opened the session."""
     # Otherwise Quadrants takes a redirected output for a notebook's, and prints through it for good.
     os.environ.setdefault("QD_ENABLE_PYBUF", "0")

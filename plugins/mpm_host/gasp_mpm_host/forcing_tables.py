@@ -15,6 +15,7 @@ from gasp_core.contract import (
     Drive,
     Driven,
     HalfSpace,
+    Shape,
     Side,
     SphereShape,
     Wind,
@@ -34,7 +35,7 @@ _CONTACT = {
 }
 
 
-def _fill_shape(row: Array, shape: HalfSpace | BoxShape | SphereShape | None, units: Units) -> None:
+def _fill_shape(row: Array, shape: Shape | None, units: Units) -> None:
     if shape is None:
         row[0] = at.EVERYWHERE
     elif isinstance(shape, HalfSpace):
@@ -46,6 +47,7 @@ def _fill_shape(row: Array, shape: HalfSpace | BoxShape | SphereShape | None, un
         row[1:4] = units.cells(shape.center)
         row[4:7] = np.asarray(shape.half_extents) / units.spacing
     else:
+        assert isinstance(shape, SphereShape), shape  # no other kind is declared
         row[0] = at.SPHERE
         row[1:4] = units.cells(shape.center)
         row[4] = shape.radius / units.spacing

@@ -228,8 +228,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
             done += taken
             self._clamped |= clamped
             if taken:
-                there = landing is not None and done == count
-                self.record_steps(taken, step, landing if there else begin + done * step)
+                landed = landing if done == count else None
+                self.record_steps(taken, step, begin + done * step if landed is None else landed)
             if drifted:
                 self._judge(cloud.survey(), step)
                 self._sort(cloud)
