@@ -65,7 +65,7 @@ def arrange_tracers(home: Array, tables: CellTables) -> TracerTables:
     reached[tables.active] = True
     cells, cell_of = np.unique(keys, return_inverse=True)
     near = blocks_in_reach(cells, blocks)
-    moved: Array = reached[near].any(axis=0)
+    moved = np.asarray(reached[near].any(axis=0))
     reached[near[:, moved]] = True
     awake = on_grid[moved[cell_of]]
     resting = np.ones(len(home), dtype=np.bool_)
