@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_mpm_host.engine_descriptor import mpm_descriptor
-
 from gasp_core.contract import EngineDescriptor
 from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.stepping.mpm_descriptor import mpm_descriptor
 
 __all__ = ["gasp_point_engines"]
 

@@ -1,4 +1,4 @@
-"""What engines for explicit MPM declare alike; imports no backend, so that listing engines stays instant."""
+"""What engines for explicit MPM declare alike, here since plugins may import nothing but the core to be listed."""
 
 from __future__ import annotations
 
