@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     )
     from gasp_core.errors import GaspError
     from gasp_core.gaussians import Gaussians
-    from gasp_core.io import read_splat, write_splat
+    from gasp_core.io import memory_limit, read_splat, write_splat
     from gasp_core.recording import Recording
     from gasp_core.rendering.filming import render
     from gasp_core.scene import (
@@ -101,6 +101,7 @@ __all__ = [
     "Wind",
     "compare",
     "load_scene",
+    "memory_limit",
     "read_splat",
     "render",
     "scene_to_toml",
@@ -116,7 +117,7 @@ _HOMES = {
     ),
     "gasp_core.errors": "GaspError",
     "gasp_core.gaussians": "Gaussians",
-    "gasp_core.io": "read_splat write_splat",
+    "gasp_core.io": "memory_limit read_splat write_splat",
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.errors import SplatFormatError
 
 __all__ = ["convert"]
@@ -20,6 +21,7 @@ Examples:
 )
 @click.argument("source", metavar="IN", type=click.Path(path_type=Path))
 @click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@most_memory_option
 def convert(source: Path, target: Path) -> None:
     """Turn a splat file into another format, which the suffix of OUT chooses: .ply, .splat or .spz.
 

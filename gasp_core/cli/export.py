@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ Examples:
     help="ply keeps everything; splat and spz are smaller.",
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
+@most_memory_option
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
     "--out",

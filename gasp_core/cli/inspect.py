@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
 
 __all__ = ["inspect"]
@@ -22,6 +23,7 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
 """
 )
 @click.argument("file", type=click.Path(path_type=Path))
+@most_memory_option
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def inspect(file: Path, as_json: bool) -> None:
     """Describe a splat file and say what is odd about it.

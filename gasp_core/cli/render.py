@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.errors import RenderingError
 
@@ -61,6 +62,7 @@ A camera of its own can stand in the scene file:
     "--background", metavar="COLOUR", default="white", show_default=True, help="A name, #rrggbb, or transparent."
 )
 @click.option("--up", metavar="AXIS", default="-y", show_default=True, help="A splat file's axis that points up.")
+@most_memory_option
 @click.option("--renderer", metavar="NAME", help="numba, gsplat (CUDA), reference. [default: numba]")
 def render(
     run: Path,

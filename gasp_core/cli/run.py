@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
 from gasp_core.cli.settings import Settings, settings_options
@@ -74,6 +75,7 @@ Examples:
     help="Film it while it runs: film.mp4, sheet.png or a folder of pictures; more than one if you like.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
+@most_memory_option
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
 def run(
     scene: Path,

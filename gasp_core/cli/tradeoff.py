@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.settings import PRECISIONS, device_option, share
 
@@ -118,6 +119,7 @@ FRONT marks the settings that no other one beats in both error and time.
 )
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Of the order of the runs.")
 @click.option("--time-limit", metavar="SECONDS", type=click.FloatRange(min=0, min_open=True), help="Of each run.")
+@most_memory_option
 @click.option("--keep", is_flag=True, help="Keep a recording of each setting, and the truth's.")
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there already.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and no progress.")

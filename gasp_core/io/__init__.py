@@ -8,10 +8,12 @@ from __future__ import annotations
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from gasp_core.io.memory_limit import memory_limit
+
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
 
-__all__ = ["read_splat", "write_splat"]
+__all__ = ["memory_limit", "read_splat", "write_splat"]
 
 
 def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
@@ -41,7 +43,8 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
     Raises
     ------
     SplatFormatError
-        Where the file is missing, of no known format, malformed, truncated, or unpacks to more than it declares.
+        Where the file is missing, of no known format, malformed, truncated, unpacks to more than it declares, or would
+        take more memory than its size can honestly mean, or than there is; `memory_limit` allows it.
     """
     from gasp_core.io.detect import read
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import colour_to_dc, exponential
 from gasp_core.io.format_errors import malformed
+from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.ply import PlyHeader, read_table
 from gasp_core.io.rotations import restore_largest
 
@@ -59,6 +60,8 @@ def read_compressed_ply(data: bytes, header: PlyHeader, path: Path) -> Gaussians
     count = len(packed)
     if len(chunks) != -(-count // _CHUNK):
         raise malformed(path, f"{count:,} Gaussians need {-(-count // _CHUNK):,} chunks, it has {len(chunks):,}")
+    sh = header.element("sh")
+    refuse_too_large(path, len(data), count, 1 + (len(sh.properties) // 3 if sh else 0))
 
     def between(names: tuple[str, str, str], fractions: Array) -> Array:
         low, high = (np.stack([chunks[f"{end}_{name}"] for name in names], 1, dtype=np.float64) for end in _ENDS)

@@ -11,6 +11,7 @@ import numpy as np
 from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import malformed, quoted
+from gasp_core.io.memory_limit import refuse_unread
 
 __all__ = ["READ", "WRITTEN", "read", "write"]
 
@@ -48,7 +49,8 @@ def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:
     from gasp_core.io.sog import ZIP_MAGIC, read_sog_folder, read_sog_zip
     from gasp_core.io.spz import GZIP_MAGIC, SPZ_MAGIC, read_spz
 
-    mode = path.stat().st_mode
+    found = path.stat()
+    mode = found.st_mode
     if stat.S_ISDIR(mode):
         if not (path / "meta.json").is_file():
             raise malformed(path, "is a folder without meta.json, so no SOG", _FOLDER)
@@ -62,6 +64,7 @@ def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:
         gaussians, version = read_sog_folder(path.parent)
         return gaussians, f"sog v{version} folder"
 
+    refuse_unread(path, found.st_size)
     data = path.read_bytes()
     if not data:
         raise malformed(path, "is empty", "fetch or export it again")

@@ -14,6 +14,7 @@ import numpy as np
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import colour_to_dc, dc_to_colour
 from gasp_core.io.format_errors import malformed
+from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.rotations import unit_quaternions
 
 __all__ = ["read_dot_splat", "write_dot_splat"]
@@ -32,6 +33,7 @@ def read_dot_splat(data: bytes, path: Path) -> Gaussians:
     if len(data) % _ROW.itemsize:
         raise malformed(path, f"a .splat has 32 bytes a Gaussian, {len(data):,} bytes is no multiple of that")
     rows = np.frombuffer(data, _ROW)
+    refuse_too_large(path, len(data), len(rows), 1)
     scales = rows["scale"].astype(np.float32)
     if np.any(scales < 0):
         row = int(np.argmax(np.any(scales < 0, axis=1)))

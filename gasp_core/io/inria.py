@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, logarithm, logit, sigmoid
 from gasp_core.io.format_errors import malformed
+from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.ply import PlyHeader, read_table
 
 __all__ = ["read_inria", "write_inria"]
@@ -61,6 +62,7 @@ def read_inria(data: bytes, header: PlyHeader, path: Path, flat_axis: int = 2) -
         raise malformed(path, f"the PLY lacks the properties {listed}", "it is no splat: give a trained 3DGS file")
 
     table = read_table(data, header, "vertex", path)
+    refuse_too_large(path, len(data), len(table), _BASES[rest])
     arrays = {name: _columns(table, group) for name, group in groups.items()}
     bases = _BASES[rest]
     harmonics = np.empty((len(table), bases, 3), np.float32)

@@ -7,6 +7,7 @@ licence (GPL) keeps it in the tests.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,11 @@ _TYPES = {
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _LONGEST_HEADER = 1 << 18
 _MOST_DIGITS = 15
+_MOST_ELEMENTS = 64
+_MOST_PROPERTIES = 1024
+_LONGEST_WORD = 1 << 10
+_PIECE = 1 << 20
+"""Bytes of text taken apart at a time: as words they take 30 times as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +128,8 @@ def parse_header(data: bytes, path: Path) -> PlyHeader:
 def _element(name: str, count: str, others: list[PlyElement], path: Path) -> PlyElement:
     if not (count.isascii() and count.isdigit() and len(count) <= _MOST_DIGITS):
         raise malformed(path, f"element {quoted(name)} has the impossible count {quoted(count)}")
+    if len(others) == _MOST_ELEMENTS:
+        raise malformed(path, f"the PLY header has more than {_MOST_ELEMENTS} elements")
     if any(other.name == name for other in others):
         raise malformed(path, f"element {quoted(name)} is declared twice")
     return PlyElement(name, int(count), {})
@@ -133,6 +141,8 @@ def _add_property(element: PlyElement, words: list[str], path: Path) -> None:
         raise malformed(path, f"element {quoted(element.name)} has an unknown property {quoted(' '.join(words))}")
     if words[-1] in element.properties:
         raise malformed(path, f"property {quoted(words[-1])} of element {quoted(element.name)} is declared twice")
+    if len(element.properties) == _MOST_PROPERTIES:
+        raise malformed(path, f"element {quoted(element.name)} has more than {_MOST_PROPERTIES} properties")
     element.properties[words[-1]] = "" if is_list else _TYPES[words[0]]
 
 
@@ -175,16 +185,22 @@ def _binary_table(
 def _text_table(
     data: bytes, header: PlyHeader, before: tuple[PlyElement, ...], wanted: PlyElement, path: Path
 ) -> Array:
-    words = data[header.size :].split()
-    offset = sum(element.count * len(element.properties) for element in before)
+    skip = sum(element.count * len(element.properties) for element in before)
     columns = len(wanted.properties)
-    need, have = wanted.count * columns, max(0, len(words) - offset)
-    if need > have:
-        raise _too_short(path, wanted, f"{need:,} numbers", f"{have:,}")
+    need, have, parts = wanted.count * columns, 0, list[Array]()
     try:
-        numbers = np.array(words[offset : offset + need], dtype=np.float64).reshape(wanted.count, columns)
+        for words in _words(data, header.size):
+            part = words[max(0, skip) : max(0, skip + need - have)]
+            skip -= min(skip, len(words))
+            have += len(part)
+            parts.append(np.array(part, dtype=np.float64))
+            if have == need:
+                break
     except ValueError as error:
         raise malformed(path, f"element {wanted.name!r} holds something that is no number") from error
+    if have < need:
+        raise _too_short(path, wanted, f"{need:,} numbers", f"{have:,}")
+    numbers = np.concatenate(parts).reshape(wanted.count, columns)
     # Keeps the declared precision: text of a float property means the nearest float32.
     dtype = np.dtype([(name, "f8" if kind == "f8" else "f4") for name, kind in wanted.properties.items()])
     table = np.empty(wanted.count, dtype)
@@ -192,6 +208,20 @@ def _text_table(
         for column, name in enumerate(wanted.properties):
             table[name] = numbers[:, column]
     return table
+
+
+def _words(data: bytes, start: int) -> Iterator[list[bytes]]:
+    """The words of a text from `start` on, those of a piece at a time."""
+    rest = b""
+    while start < len(data):
+        piece = rest + data[start : start + _PIECE]
+        start += _PIECE
+        words = piece.split()
+        # The last word of a piece may go on in the next one.
+        rest = words.pop() if start < len(data) and words and not piece[-1:].isspace() else b""
+        if len(rest) > _LONGEST_WORD:
+            raise ValueError("a word without end")
+        yield words
 
 
 def _too_short(path: Path, element: PlyElement, need: str, have: str) -> SplatFormatError:

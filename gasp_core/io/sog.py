@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, sigmoid
 from gasp_core.io.format_errors import malformed, quoted
-from gasp_core.io.limits import refuse_bomb
+from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.rotations import restore_largest
 from gasp_core.io.webp import decode_webp
 
@@ -37,8 +37,11 @@ Fetch = Callable[[str, int], bytes]
 ZIP_MAGIC = b"PK\x03\x04"
 
 _META = "meta.json"
-_LONGEST_META = 1 << 24
-_SPARE_PIXELS = 1 << 22
+_LONGEST_META = 1 << 18
+"""Bytes; three codebooks are 20 kB. JSON of nothing but brackets takes 25 times its length."""
+_MOST_MEMBERS = 1000
+_SPARE_PIXELS = 1 << 17
+"""Beyond two for each Gaussian, for writers that fill up rows of 4096."""
 _PALETTE_WIDTH = 64
 _LARGEST_PALETTE = 1 << 16
 _BASES_OF_DEGREE = {1: 3, 2: 8, 3: 15}
@@ -53,6 +56,9 @@ def read_sog_zip(data: bytes, path: Path) -> tuple[Gaussians, int]:
     SplatFormatError
         Where the zip, its meta.json or an image is missing, damaged, or larger than the count declared allows.
     """
+    # Python keeps ten times what the list of contents takes in the file, and reads all of it on opening.
+    if data.count(b"PK\x01\x02") > _MOST_MEMBERS:
+        raise malformed(path, f"the zip holds more than {_MOST_MEMBERS} files", "give a .sog of one splat")
     try:
         archive = zipfile.ZipFile(BytesIO(data))
     except (zipfile.BadZipFile, struct.error, NotImplementedError, ValueError, OSError) as error:
@@ -120,8 +126,8 @@ def _read_sog(fetch: Fetch, packed: int, path: Path) -> tuple[Gaussians, int]:
     if version not in (1, 2):
         raise malformed(path, "its meta.json is of an unknown version", "versions 1 and 2 are read")
     count = meta.integer("count") if version == 2 else meta.inner("means").first_integer("shape")
-    # Before anything is unpacked, so that a count that lies costs nothing: five textures of four bytes.
-    refuse_bomb(path, packed, 20 * count, count)
+    # Before anything is unpacked, so that a count that lies costs nothing.
+    refuse_too_large(path, packed, count, 1 + (max(_BASES_OF_DEGREE.values()) if "shN" in meta.entries else 0))
     most_pixels = 2 * count + _SPARE_PIXELS
 
     def texture(attribute: _Meta, index: int, names: int) -> Array:
@@ -179,17 +185,18 @@ def _palette(shn: _Meta, version: int, fetch: Fetch, texture: Callable[[_Meta, i
     if version == 2:
         if _BASES_OF_DEGREE.get(shn.integer("bands")) != bases:
             raise malformed(path, f"its palette is {width} pixels wide, which is not that of the bands declared")
-        values = _codebook(shn)[rows]
+        book = _codebook(shn)
     else:
         low, high = shn.number("mins"), shn.number("maxs")
-        values = low + (high - low) * (rows / 255.0)
+        book = low + (high - low) * (np.arange(256) / 255.0)
+    values = book.astype(np.float32)[rows]
     labels = texture(shn, 1, 2)[:, :2].astype(np.intp)
     label = labels[:, 0] | (labels[:, 1] << 8)
     if int(label.max()) >= size:
         raise malformed(
             path, f"Gaussian {int(np.argmax(label)):,} names row {int(label.max()):,} of a palette of {size:,}"
         )
-    return values.astype(np.float32)[label]
+    return values[label]
 
 
 def _between(attribute: _Meta, fractions: Array, channels: int) -> Array:

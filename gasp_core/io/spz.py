@@ -25,7 +25,7 @@ from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.activations import exponential, logarithm, logit
 from gasp_core.io.format_errors import malformed
-from gasp_core.io.limits import refuse_bomb
+from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.rotations import restore_largest, unit_quaternions
 
 __all__ = ["GZIP_MAGIC", "SPZ_MAGIC", "position_bits", "read_spz", "turned", "write_spz"]
@@ -138,7 +138,7 @@ def _checked(version: int, count: int, degree: int, bits: int, versions: range, 
     if bits > _MOST_FRACTION_BITS:
         raise malformed(path, f"its header claims {bits} fractional bits of 24")
     layout = _Layout(version, count, degree, bits)
-    refuse_bomb(path, packed, sum(layout.sizes()), count)
+    refuse_too_large(path, packed, count, 1 + _BASES[degree])
     return layout
 
 
