@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
+from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import CellTables, arrange
-from gasp_mpm_host.rows import Rows
+from gasp_mpm_host.rows import DAMAGED, Rows
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
@@ -77,7 +78,7 @@ class SortedCloud(ABC):
             rows = Rows.at_rest(problem, self.units, self._host_real)
             tracers = TracerRows.at_rest(problem.points, self.units)
         else:
-            rows = Rows.restored(restart, self._count, self._host_real, engine)
+            rows = Rows.restored(restart, problem.points.material_ids, self._host_real, engine)
             tracers = TracerRows.restored(restart, self._traced, engine)
         self._load(rows)
         self._load_tracers(tracers)
@@ -86,7 +87,10 @@ class SortedCloud(ABC):
             self.sort()
             self._seed()
         else:
-            self._wake(tracers, self._tabulate(rows.labels[:, at.HOME : at.HOME + 3]))
+            found = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            if not np.array_equal(found.order, np.arange(self._count)):
+                raise SceneError(f"{engine}: the checkpoint's points are not in the order of their cells: {DAMAGED}")
+            self._wake(tracers, found)
 
     # ---- what a backend does ----------------------------------------------------------------------------------------
 

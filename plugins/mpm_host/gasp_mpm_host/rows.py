@@ -18,9 +18,11 @@ from gasp_core.errors import SceneError
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["Rows", "Survey"]
+__all__ = ["DAMAGED", "Rows", "Survey"]
 
 Array = NDArray[Any]
+
+DAMAGED = "it is damaged; start without it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,14 +58,16 @@ class Rows:
         return cls(cells=units.cells(cloud.reference_positions), points=points, labels=labels, ids=ids)
 
     @classmethod
-    def restored(cls, checkpoint: Mapping[str, Array], count: int, real: Any, engine: str) -> Self:
-        """Rows as `checkpoint` kept them.
+    def restored(cls, checkpoint: Mapping[str, Array], materials: Array, real: Any, engine: str) -> Self:
+        """Rows as `checkpoint` kept them, of points that are made of `materials` (N,).
 
         Raises
         ------
         SceneError
-            Where the checkpoint is of another number of points, another layout or another precision.
+            Where the checkpoint is of another number of points, another layout or another precision; and where it says
+            what no run has written: kernels trust its numbers of points, materials and cells.
         """
+        count = len(materials)
         shapes = {
             "cells": (count, 3),
             "rows": (count, at.POINT_WIDTH),
@@ -89,12 +93,22 @@ class Rows:
                 f"{engine}: the checkpoint holds {kept}, the session was opened in {np.dtype(real)}: resume with the"
                 " precision the run was started with"
             )
-        return cls(
+        rows = cls(
             cells=np.array(checkpoint["cells"], dtype=np.float64),
             points=np.array(checkpoint["rows"]),
             labels=np.array(checkpoint["labels"], dtype=np.int32),
             ids=np.array(checkpoint["ids"], dtype=np.int32),
         )
+        drift = rows.cells - 0.5 - rows.labels[:, at.HOME : at.HOME + 3]
+        if not np.array_equal(np.sort(rows.ids), np.arange(count)):
+            raise SceneError(f"{engine}: the checkpoint does not name every point once: {DAMAGED}")
+        if not np.array_equal(rows.labels[:, at.MATERIAL], materials[rows.ids]):
+            raise SceneError(
+                f"{engine}: the checkpoint's points are made of other materials than the scene's: {DAMAGED}"
+            )
+        if not ((drift >= -1) & (drift < 2)).all():
+            raise SceneError(f"{engine}: the checkpoint's points are not where its cells are: {DAMAGED}")
+        return rows
 
     def checkpoint(self) -> dict[str, Array]:
         """Copies of everything, so that a run that goes on from them is equal bit for bit."""

@@ -64,6 +64,41 @@ class SessionTests:
             with pytest.raises(SceneError, match=lost if lost != "time" else "another scene"):
                 kit.open(falling(kit), spacing=0.1, restart={name: kept[name] for name in kept if name != lost})
 
+    @pytest.mark.parametrize(
+        ("array", "damage", "says"),
+        [
+            ("ids", lambda ids: np.where(ids == 0, 10**9, ids), "every point once"),
+            ("ids", lambda ids: np.zeros_like(ids), "every point once"),
+            (
+                "labels",
+                lambda labels: labels + np.eye(1, labels.shape[1], at.MATERIAL, dtype=np.int32) * 10**6,
+                "materials",
+            ),
+            (
+                "labels",
+                lambda labels: labels + np.eye(1, labels.shape[1], at.HOME, dtype=np.int32) * 9,
+                "where its cells",
+            ),
+            ("cells", lambda cells: cells * 1e300, "where its cells"),
+            ("cells", lambda cells: cells * np.nan, "where its cells"),
+        ],
+        ids=["unknown points", "one point", "unknown material", "home elsewhere", "cells far away", "cells nowhere"],
+    )
+    def test_a_checkpoint_that_no_run_has_written_is_refused(self, kit, array, damage, says):
+        """Kernels would read and write out of their memory by it."""
+        with kit.open(falling(kit), spacing=0.1) as session:
+            session.advance_to(0.01)
+            kept = session.checkpoint()
+        with pytest.raises(SceneError, match=f"{says}.*: it is damaged; start without it"):
+            kit.open(falling(kit), spacing=0.1, restart={**kept, array: damage(np.array(kept[array]))})
+
+    def test_points_in_another_order_than_their_cells_are_refused(self, kit):
+        with kit.open(falling(kit), spacing=0.1) as session:
+            kept = session.checkpoint()
+        turned = {name: np.array(kept[name])[::-1] for name in ("cells", "rows", "labels", "ids")}
+        with pytest.raises(SceneError, match="in the order of their cells: it is damaged"):
+            kit.open(falling(kit), spacing=0.1, restart={**kept, **turned})
+
     @pytest.mark.thorough
     def test_specialisations_in_one_process_do_not_disturb_each_other(self, kit):
         """Their functions have the same names; each has to be compiled with its own."""

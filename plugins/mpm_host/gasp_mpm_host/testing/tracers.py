@@ -70,6 +70,21 @@ class TracerTests:
         error = np.abs(found - start - velocity * time)[apart < spacing / 2].max()
         assert error <= substeps * 30 * np.finfo(float).eps
 
+    @pytest.mark.parametrize(
+        ("array", "damage"),
+        [
+            ("tracer_ids", lambda ids: ids + 10**6),
+            ("tracer_homes", lambda homes: homes + 10**6),
+            ("tracer_cells", lambda cells: cells * np.nan),
+        ],
+    )
+    def test_a_checkpoint_that_no_run_has_written_is_refused(self, kit, array, damage):
+        problem = traced(falling(kit))
+        with kit.open(problem, spacing=0.05) as session:
+            kept = session.checkpoint()
+        with pytest.raises(SceneError, match="tracers are not those of a run: it is damaged"):
+            kit.open(problem, spacing=0.05, restart={**kept, array: damage(np.array(kept[array]))})
+
     @pytest.mark.parametrize("precision", ["float32", "float64"])
     def test_restart_is_bitwise(self, kit, precision):
         problem = traced(falling(kit))
