@@ -21,7 +21,11 @@ def finite(owner: object, name: str, *, low: float = -math.inf, high: float = ma
     where = f"{type(owner).__name__}.{name}"
     if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
         raise SceneError(f"{where} must be a number, found {value!r}")
-    if not math.isfinite(value):
+    try:
+        bounded = math.isfinite(value)
+    except OverflowError:
+        raise SceneError(f"{where} must be below 1e308, found a whole number that is longer") from None
+    if not bounded:
         raise SceneError(f"{where} must be finite, found {value!r}")
     if value < low or value > high or (open_low and value == low):
         bounds = f"> {low:g}" if open_low else f">= {low:g}"
@@ -44,6 +48,8 @@ def finite_vector(owner: object, name: str) -> None:
         vector = tuple(float(component) for component in value)
     except (TypeError, ValueError):
         raise SceneError(f"{where} must be three numbers, found {value!r}") from None
+    except OverflowError:
+        raise SceneError(f"{where} must be below 1e308, found a whole number that is longer") from None
     if len(vector) != 3 or not all(math.isfinite(component) for component in vector):
         raise SceneError(f"{where} must be three finite numbers, found {value!r}")
     object.__setattr__(owner, name, vector)

@@ -24,6 +24,7 @@ Array = NDArray[Any]
 
 _BASES = {0: 1, 9: 4, 24: 9, 45: 16, 72: 25}
 """Number of f_rest to number of harmonics a channel."""
+_LARGEST = float(np.finfo(np.float32).max)
 _BLOCK = 4096
 """Rows gathered at a time: a block of wide rows stays in the cache while its columns are picked out."""
 
@@ -63,7 +64,7 @@ def read_inria(data: bytes, header: PlyHeader, path: Path, flat_axis: int = 2) -
 
     table = read_table(data, header, "vertex", path)
     refuse_too_large(path, len(data), len(table), _BASES[rest])
-    arrays = {name: _columns(table, group) for name, group in groups.items()}
+    arrays = {name: _columns(table, group, path) for name, group in groups.items()}
     bases = _BASES[rest]
     harmonics = np.empty((len(table), bases, 3), np.float32)
     harmonics[:, 0] = arrays["harmonics"][:, :3]
@@ -82,18 +83,30 @@ def read_inria(data: bytes, header: PlyHeader, path: Path, flat_axis: int = 2) -
     )
 
 
-def _columns(table: Array, names: list[str]) -> Array:
+def _columns(table: Array, names: list[str], path: Path) -> Array:
     """Columns side by side, (N, len(names)): float64 where one of them is double, else float32."""
     fields = table.dtype
     double = any(fields[name].type is np.float64 for name in names)
     columns = np.empty((len(table), len(names)), np.float64 if double else np.float32)
-    # A double beyond float32 is kept as the infinity that inspect reports.
-    with np.errstate(over="ignore"):
-        for start in range(0, len(table), _BLOCK):
-            block = table[start : start + _BLOCK]
-            for column, name in enumerate(names):
-                columns[start : start + _BLOCK, column] = block[name]
+    for start in range(0, len(table), _BLOCK):
+        block = table[start : start + _BLOCK]
+        for column, name in enumerate(names):
+            columns[start : start + _BLOCK, column] = block[name]
+            if double and fields[name].type is np.float64:
+                _refuse_beyond_float32(block[name], name, start, path)
     return columns
+
+
+def _refuse_beyond_float32(values: Array, name: str, first: int, path: Path) -> None:
+    """Refuse a double that float32 has no number for; what is infinite or NaN in the file itself, `inspect` reports."""
+    beyond = np.isfinite(values) & (np.abs(values) > _LARGEST)
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        raise malformed(
+            path,
+            f"property {name!r} of Gaussian {first + row:,} is {values[row]:.3g}, beyond the 3.4e38 of float32",
+            "drop that Gaussian",
+        )
 
 
 def write_inria(stream: BinaryIO, gaussians: Gaussians) -> None:

@@ -193,7 +193,7 @@ def _text_table(
             part = words[max(0, skip) : max(0, skip + need - have)]
             skip -= min(skip, len(words))
             have += len(part)
-            parts.append(np.array(part, dtype=np.float64))
+            parts.append(_numbers(part))
             if have == need:
                 break
     except ValueError as error:
@@ -204,10 +204,25 @@ def _text_table(
     # Keeps the declared precision: text of a float property means the nearest float32.
     dtype = np.dtype([(name, "f8" if kind == "f8" else "f4") for name, kind in wanted.properties.items()])
     table = np.empty(wanted.count, dtype)
-    with np.errstate(over="ignore"):
-        for column, name in enumerate(wanted.properties):
-            table[name] = numbers[:, column]
+    for column, name in enumerate(wanted.properties):
+        values = numbers[:, column]
+        beyond = np.isfinite(values) & (np.abs(values) > float(np.finfo(dtype[name]).max))
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            raise malformed(
+                path, f"property {quoted(name)} of row {row:,} is {values[row]:.3g}, beyond the 3.4e38 of float32"
+            )
+        table[name] = values
     return table
+
+
+def _numbers(words: list[bytes]) -> Array:
+    """Words as float64; infinite only where they say so."""
+    numbers = np.array(words, dtype=np.float64)
+    for place in np.flatnonzero(np.isinf(numbers)):
+        if b"n" not in words[place].lower():
+            raise ValueError("a number beyond 1e308")
+    return numbers
 
 
 def _words(data: bytes, start: int) -> Iterator[list[bytes]]:

@@ -28,6 +28,9 @@ __all__ += ["moved_gaussians", "moved_simplices", "shapes"]
 
 Array = NDArray[Any]
 
+_FINEST, _COARSEST = 1e-12, 1e12
+"""Of a cell [m]: the cube of what is beyond them is no float32."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
@@ -213,7 +216,13 @@ def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Blo
         own = placed.gaussians.means[placed.moving & ~placed.floating]
         # A single Gaussian has no extent but its edges.
         bodies.append(own if len(own) > 1 and np.ptp(own, axis=0).any() else (block.rest + block.centre).reshape(-1, 3))
-    return scene.accuracy.spacing_for(max(float(np.ptp(body, axis=0).max()) for body in bodies))
+    spacing = scene.accuracy.spacing_for(max(float(np.ptp(body, axis=0).max()) for body in bodies))
+    if not _FINEST <= spacing <= _COARSEST:
+        raise SceneError(
+            f"a cell of this scene would be {spacing:.3g} m, which is no size of matter: look at height,"
+            " metres_per_unit, and the spacing of [accuracy]"
+        )
+    return spacing
 
 
 def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:

@@ -93,12 +93,13 @@ class Camera:
             )
         if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
             raise RenderingError("the camera's position or direction is not finite: look for a NaN where it comes from")
-        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if error > _ORTHOGONAL or np.linalg.det(rotation) < 0:
-            raise RenderingError(
-                f"the camera's rotation is none (largest entry of R R^T - 1: {error:.2g},"
-                f" determinant {np.linalg.det(rotation):.2g})"
-            )
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        # Asked so that a NaN, of entries whose squares are infinite, is none either.
+        if not error <= _ORTHOGONAL:
+            raise RenderingError(f"the camera's rotation is none (largest entry of R R^T - 1: {error:.2g})")
+        if (determinant := float(np.linalg.det(rotation))) < 0:
+            raise RenderingError(f"the camera's rotation is none: it is a reflection (determinant {determinant:.2g})")
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
 

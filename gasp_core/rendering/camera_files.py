@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -12,11 +13,16 @@ from typing import Any, cast
 import numpy as np
 
 from gasp_core.errors import RenderingError
+from gasp_core.io.format_errors import shown
+from gasp_core.io.text_files import read_text
 from gasp_core.rendering.camera import Camera
 from gasp_core.scene.placement import Placement
 
 __all__ = ["NamedCamera", "choose", "placed", "read_cameras"]
 
+_NUMBER = re.compile(r"[0-9]{1,9}")
+_LONGEST_NAME = 200
+_FLATTEST = 1e-9
 _DEFAULT_SIDE = 800
 """Pixels, where a transforms.json gives an angle and no size, as that of the synthetic NeRF scenes does."""
 
@@ -40,14 +46,15 @@ def read_cameras(path: str | Path) -> list[NamedCamera]:
         Where the file cannot be read or is neither; the message names camera and key.
     """
     path = Path(path)
+    name = shown(path)
     try:
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
+        found: Any = json.loads(read_text(path))
     except FileNotFoundError:
-        raise RenderingError(f"{path}: there is no such camera file") from None
+        raise RenderingError(f"{name}: there is no such camera file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise RenderingError(f"{path}: cannot be read ({error})") from None
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise RenderingError(f"{path}: is not valid JSON ({error})") from None
+        raise RenderingError(f"{name}: cannot be read ({shown(error)[:_LONGEST_NAME]})") from None
+    except (ValueError, RecursionError) as error:
+        raise RenderingError(f"{name}: is not valid JSON ({shown(error)[:_LONGEST_NAME]})") from None
     if isinstance(found, list):
         cameras = [_of_3dgs(_Entry(path, f"camera {k}", entry)) for k, entry in enumerate(cast("list[Any]", found))]
     elif isinstance(found, dict) and isinstance(cast("dict[str, Any]", found).get("frames"), list):
@@ -56,11 +63,11 @@ def read_cameras(path: str | Path) -> list[NamedCamera]:
         cameras = [_of_nerf(_Entry(path, f"frame {k}", entry, whole)) for k, entry in enumerate(frames)]
     else:
         raise RenderingError(
-            f"{path}: is no camera file: neither a list of cameras (cameras.json) nor an object with frames"
+            f"{name}: is no camera file: neither a list of cameras (cameras.json) nor an object with frames"
             " (transforms.json)"
         )
     if not cameras:
-        raise RenderingError(f"{path}: holds no camera")
+        raise RenderingError(f"{name}: holds no camera")
     return cameras
 
 
@@ -72,17 +79,17 @@ def choose(cameras: list[NamedCamera], view: int | str, path: Path) -> Camera:
     RenderingError
         Where there is none.
     """
-    if isinstance(view, str) and view.isdigit() and all(entry.name != view for entry in cameras):
+    if isinstance(view, str) and _NUMBER.fullmatch(view) and all(entry.name != view for entry in cameras):
         view = int(view)
     if isinstance(view, int):
         if not 0 <= view < len(cameras):
-            raise RenderingError(f"{path}: has cameras 0 to {len(cameras) - 1}, not {view}")
+            raise RenderingError(f"{shown(path)}: has cameras 0 to {len(cameras) - 1}, not {view}")
         return cameras[view].camera
     for entry in cameras:
         if view in (entry.name, PurePosixPath(entry.name).stem, PurePosixPath(entry.name).name):
             return entry.camera
     names = ", ".join(entry.name for entry in cameras[:4]) + (", ..." if len(cameras) > 4 else "")
-    raise RenderingError(f'{path}: has no camera "{view}", its cameras are {names}')
+    raise RenderingError(f'{shown(path)}: has no camera "{shown(view)}", its cameras are {names}')
 
 
 def placed(camera: Camera, placement: Placement) -> Camera:
@@ -100,9 +107,9 @@ class _Entry:
     """One camera of a file; complains by file, camera and key."""
 
     def __init__(self, path: Path, where: str, entry: Any, defaults: Mapping[str, Any] | None = None) -> None:
-        self.path, self.where = path, where
+        self.path, self.where = shown(path), where
         if not isinstance(entry, dict):
-            raise RenderingError(f"{path}: {where} is no object with the camera's values")
+            raise RenderingError(f"{self.path}: {where} is no object with the camera's values")
         self.values = {**(defaults or {}), **cast("dict[str, Any]", entry)}
 
     def fail(self, key: str, what: str) -> RenderingError:
@@ -110,9 +117,20 @@ class _Entry:
 
     def number(self, key: str) -> float:
         value = self.values.get(key)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise self.fail(key, f"must be a number, found {value!r:.40}")
-        return float(value)
+        try:
+            number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.fail(key, f"must be a number, found {shown(value)[:40]}")
+        return number
+
+    def name(self, *keys: str) -> str:
+        """The first of these keys that is there, fit to be printed."""
+        value = next((self.values[key] for key in keys if key in self.values), "")
+        if not isinstance(value, (str, int)):
+            raise self.fail(keys[0], "must be a text")
+        return shown(value)[:_LONGEST_NAME]
 
     def side(self, key: str) -> int:
         return round(self.number(key))
@@ -120,7 +138,7 @@ class _Entry:
     def matrix(self, key: str, *shapes: tuple[int, ...]) -> np.ndarray[Any, Any]:
         try:
             matrix = np.array(self.values.get(key), dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             matrix = np.empty(0)
         if matrix.shape not in shapes or not np.isfinite(matrix).all():
             raise self.fail(key, f"must be finite numbers of shape {' or '.join(map(str, shapes))}")
@@ -148,7 +166,7 @@ def _of_3dgs(entry: _Entry) -> NamedCamera:
         rotation=rotation,
         translation=-rotation @ eye,
     )
-    return NamedCamera(name=str(entry.values.get("img_name", entry.values.get("id", ""))), camera=camera)
+    return NamedCamera(name=entry.name("img_name", "id"), camera=camera)
 
 
 def _of_nerf(entry: _Entry) -> NamedCamera:
@@ -172,11 +190,12 @@ def _of_nerf(entry: _Entry) -> NamedCamera:
         rotation=rotation,
         translation=-rotation @ pose[:3, 3],
     )
-    return NamedCamera(name=str(entry.values.get("file_path", "")), camera=camera)
+    return NamedCamera(name=entry.name("file_path"), camera=camera)
 
 
 def _focal(entry: _Entry, key: str, side: int) -> float:
     angle = entry.number(key)
-    if not 0 < angle < math.pi:
+    # Below, and beyond, a focal length would be infinite.
+    if not _FLATTEST < angle < math.pi:
         raise entry.fail(key, f"must be an angle between 0 and pi, found {angle!r}")
     return side / (2 * math.tan(angle / 2))

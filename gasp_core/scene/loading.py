@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from gasp_core.contract import (
     MATERIALS,
@@ -27,6 +29,8 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
+from gasp_core.io.format_errors import shown
+from gasp_core.io.text_files import read_text
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
@@ -37,6 +41,12 @@ from gasp_core.scene.tables import StoredTable, Table, kind_of
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
+_LONGEST_SCENE = 1 << 20
+_LONGEST_PATH = 300
+_DEEPEST = 64
+_VARIABLE = re.compile(r"\$\{?(\w+)")
+_ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
+"""Python's reader of TOML takes time with the square of a key's parts."""
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
@@ -59,14 +69,17 @@ def load_scene(path: str | Path) -> Scene:
         splat that is not there. The message names file and key.
     """
     path = Path(path)
+    name = shown(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, _LONGEST_SCENE)
     except FileNotFoundError:
-        raise SceneError(f"{path}: no such scene file") from None
+        raise SceneError(f"{name}: no such scene file") from None
     except UnicodeDecodeError:
-        raise SceneError(f"{path}: is not a text file in UTF-8, so no scene file (TOML)") from None
+        raise SceneError(f"{name}: is not a text file in UTF-8, so no scene file (TOML)") from None
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise SceneError(f"{name}: is no scene file: {error}") from None
     return read_scene(text, file=str(path), folder=path.parent)
 
 
@@ -117,10 +130,43 @@ def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:
 
 
 def _tables(text: str, file: str) -> dict[str, Any]:
+    file = shown(file)
+    if _ENDLESS_KEY.search(text):
+        raise SceneError(f"{file}: has a key of more than 500 parts: write it in tables")
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{file}: is not valid TOML: {error}") from None
+        values = tomllib.loads(text, parse_float=_finite_or_said)
+    except RecursionError:
+        raise SceneError(f"{file}: is nested too deep") from None
+    except ValueError as error:
+        raise SceneError(f"{file}: is not valid TOML: {shown(error)[:200]}") from None
+    _refuse_extremes(values, file)
+    return values
+
+
+def _finite_or_said(text: str) -> float:
+    """A number of the file; infinite only where it says so."""
+    number = float(text)
+    if math.isinf(number) and "inf" not in text:
+        raise ValueError(f"the number {text[:20]} is beyond 1e308")
+    return number
+
+
+def _refuse_extremes(values: dict[str, Any], file: str) -> None:
+    """Refuse what TOML need not take (whole numbers beyond 64 bits) and what is nested deeper than any scene."""
+    left: list[tuple[Any, tuple[str, ...]]] = [(values, ())]
+    while left:
+        value, keys = left.pop()
+        if len(keys) > _DEEPEST:
+            raise SceneError(f"{file}: is nested too deep")
+        if isinstance(value, dict):
+            left += [(entry, (*keys, key)) for key, entry in cast("dict[str, Any]", value).items()]
+        elif isinstance(value, list):
+            left += [(entry, (*keys, str(index))) for index, entry in enumerate(cast("list[Any]", value))]
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            where = shown(".".join(key[:60] for key in keys))
+            raise SceneError(
+                f"{file}: {where}: a whole number must be below 2^63; write more with a point, up to 1e308"
+            )
 
 
 def _read(top: Table, folder: Path | None) -> Scene:
@@ -191,11 +237,22 @@ def _path(table: Table, key: str, folder: Path | None) -> Path:
     text = table.text(key)
     if folder is None:
         return Path(text)
-    path = Path(os.path.expandvars(text)).expanduser()
-    path = path if path.is_absolute() else folder / path
-    if not path.exists():
-        table.fail(key, f"no such file: {path} (relative paths start at the scene file)")
+    try:
+        path = folder / Path(os.path.expandvars(text)).expanduser()
+        there = path.exists()
+    except (OSError, ValueError, RuntimeError):
+        # A name that is too long, a null character, a home of nobody: none of them is a file.
+        path, there = folder, False
+    if not there:
+        # As it is written: what a variable stands for need not go to everybody who is shown the message.
+        unset = [name for name in _VARIABLE.findall(text) if name not in os.environ]
+        hint = f"{unset[0]} is not set in the environment" if unset else "relative paths start at the scene file"
+        table.fail(key, f"no such file: {_shortened(text)} ({hint})")
     return path
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."
 
 
 def _read_material(table: Table) -> Material:
@@ -215,7 +272,15 @@ def _read_motion(table: Table, folder: Path | None) -> Motion:
     module, _, name = text.rpartition(":")
     # A module beside the scene file comes before one of that name that is installed.
     beside = None if folder is None else (folder / f"{module}.py").absolute()
-    return table.build(kind, tag="kind", function=f"{beside}:{name}" if beside and beside.is_file() else text)
+    return table.build(kind, tag="kind", function=f"{beside}:{name}" if beside and _is_file(beside) else text)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        # The name is too long for one.
+        return False
 
 
 def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:

@@ -80,9 +80,11 @@ class Scene:
             raise SceneError(
                 f'Scene.camera is in the frame of the object "{self.camera.object}", which the scene does not have'
             )
-        if self.frame_count > 10_000_000:
+        # The product of two finite numbers may be infinite, which is no number of frames.
+        frames = self.duration * self.frame_rate
+        if frames > 10_000_000:
             raise SceneError(
-                f"Scene.duration {self.duration:g} s at {self.frame_rate:g} frames a second makes {self.frame_count}"
+                f"Scene.duration {self.duration:g} s at {self.frame_rate:g} frames a second makes {frames:.8g}"
                 " frames, more than 10000000: shorten it"
             )
 

@@ -16,6 +16,8 @@ from gasp_core.scene.motions import FrameSequence, Motion
 
 __all__ = ["Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis"]
 
+_LONGEST_NAME = 200
+
 UpAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 
@@ -172,6 +174,10 @@ class SplatObject:
     def __post_init__(self) -> None:
         if not self.name:
             raise SceneError("SplatObject.name must not be empty")
+        if not self.name.isprintable() or len(self.name) > _LONGEST_NAME:
+            raise SceneError(
+                f"SplatObject.name must be up to {_LONGEST_NAME} printable characters, found {self.name[:40]!r}"
+            )
         if isinstance(self.splat, str):
             object.__setattr__(self, "splat", Path(self.splat))
         if self.static and self.material is not None:

@@ -12,12 +12,16 @@ from enum import Enum
 from typing import Any, NoReturn, TypeVar, cast
 
 from gasp_core.errors import SceneError
+from gasp_core.io.format_errors import shown
 
 __all__ = ["StoredTable", "Table", "kind_of"]
 
 Made = TypeVar("Made")
 Chosen = TypeVar("Chosen")
 
+_LONGEST_SHOWN = 60
+"""Characters of a key or a text of the file."""
+_LONGEST_SAID = 1000
 _OWN_FIELD = re.compile(r"\w+\.(\w+) (.*)", re.DOTALL)
 
 
@@ -31,7 +35,7 @@ def kind_of(value: object) -> str:
         listed = cast("list[object]", value)
         return f"an array of {len(listed)}" if len(listed) > 4 else f"the array {listed!r}"
     if isinstance(value, str):
-        return f'the text "{value[:60]}"'
+        return f'the text "{value[:_LONGEST_SHOWN]}"'
     return repr(value)
 
 
@@ -63,8 +67,11 @@ class Table:
 
     def refusal(self, key: str, message: str) -> SceneError:
         """The error that says what is wrong with a key of this table."""
-        where = f"{self.path}.{key}" if self.path and key else self.path or key
-        return SceneError(f"{self.file}: {where}: {message}" if where else f"{self.file}: {message}")
+        name = shown(key)
+        name = name if len(name) <= _LONGEST_SHOWN else name[:_LONGEST_SHOWN] + "..."
+        where = f"{self.path}.{name}" if self.path and key else self.path or name
+        said = shown(f"{where}: {message}" if where else message)
+        return SceneError(f"{shown(self.file)}: {said if len(said) <= _LONGEST_SAID else said[:_LONGEST_SAID] + '...'}")
 
     def only(self, *known: str) -> None:
         """Refuse keys that are not among `known`; called first, or a misspelt key would be reported as missing."""

@@ -85,6 +85,26 @@ CASES = {
     ),
     "rows cut": ("a.ply", lambda b: inria(b)[:-1], "needs 168 bytes, the file has 167"),
     "text that is no number": ("a.ply", lambda b: inria(b, order="")[:-4] + b"xxx\n", "no number"),
+    "double beyond float32": (
+        "a.ply",
+        lambda b: b.ply([(n, "double") for n in b.inria_names(0)], [[0.0] * 14, [0.0] * 10 + [-1e39] + [0.0] * 3]),
+        r"property 'rot_0' of Gaussian 1 is -1e\+39, beyond the 3\.4e38 of float32; drop",
+    ),
+    "double position beyond float32": (
+        "a.ply",
+        lambda b: b.ply([(n, "double") for n in b.inria_names(0)], [[1e300] + [0.0] * 13]),
+        "property 'x' of Gaussian 0 is 1e",
+    ),
+    "text beyond float32": (
+        "a.ply",
+        lambda b: b.ply([(n, "float") for n in b.inria_names(0)], [[1e39] + [0.0] * 13], order=""),
+        r"property 'x' of row 0 is 1e\+39, beyond",
+    ),
+    "text beyond float64": (
+        "a.ply",
+        lambda b: b.ply([(n, "double") for n in b.inria_names(0)], [[0.5] * 14], order="").replace(b"0.5", b"1e400"),
+        "no number",
+    ),
     "words without end": (
         "a.ply",
         lambda b: inria(b, order="").replace(b"vertex 3", b"vertex 4") + b"1" * (1 << 22),

@@ -117,7 +117,7 @@ def broken(**values):
         ("[]", "holds no camera"),
         ('{"frames": []}', "holds no camera"),
         ("[3]", "camera 0 is no object"),
-        (broken(width="wide"), "camera 0: width: must be a number, found 'wide'"),
+        (broken(width="wide"), "camera 0: width: must be a number, found wide"),
         (broken(fx=None), "camera 0: fx: must be a number"),
         (broken(fx=True), "camera 0: fx: must be a number"),
         (broken(fx=-3.0), "camera 0: the camera's focal_x must be a number > 0"),
@@ -146,3 +146,48 @@ def test_no_file_and_no_text(tmp_path):
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RenderingError, match="cannot be read"):
         read_cameras(tmp_path / "binary.json")
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"fx": 10**400}, "camera 0: fx: must be a number, found 1000"),
+        ({"width": 10**400}, "camera 0: width: must be a number"),
+        ({"position": [10**400, 0, 0]}, "camera 0: position: must be finite numbers"),
+        ({"rotation": [[1e200, 0, 0], [0, 1e200, 0], [1e200, -1e200, 0]]}, "camera 0: the camera's rotation is none"),
+        ({"rotation": [[1e200, 1e200, 0], [1e200, -1e200, 0], [0, 0, 1]]}, "camera 0: the camera's rotation is none"),
+        ({"img_name": ["a"]}, "camera 0: img_name: must be a text"),
+        ({"fy": "\x1b[31m"}, r"camera 0: fy: must be a number, found \\x1b\[31m"),
+    ],
+)
+def test_what_no_camera_has_is_refused_in_one_line(written, values, says):
+    with pytest.raises(RenderingError, match=says) as error:
+        read_cameras(written([as_3dgs(A) | values]))
+    assert str(error.value).isprintable()
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "1e400", "-Infinity", "NaN"])
+def test_numbers_that_are_none_are_refused(written, number):
+    text = json.dumps([as_3dgs(A)]).replace('"width": 640', f'"width": {number}')
+    with pytest.raises(RenderingError):
+        read_cameras(written(text))
+
+
+def test_an_angle_of_nothing_is_refused(written):
+    with pytest.raises(RenderingError, match="must be an angle between 0 and pi"):
+        read_cameras(written({"camera_angle_x": 5e-324, "frames": [as_nerf(A)]}))
+
+
+def test_names_are_fit_to_be_printed(written):
+    path = written([as_3dgs(A, "a\x1b[31m"), as_3dgs(B, "b" * 5000)])
+    first, second = read_cameras(path)
+    assert first.name == r"a\x1b[31m"
+    assert len(second.name) == 200
+    with pytest.raises(RenderingError) as error:
+        choose([first], "c\n", path)
+    assert str(error.value).isprintable()
+
+
+def test_a_file_without_an_end_holds_no_cameras():
+    with pytest.raises(RenderingError, match="longer than the 16,777,216 bytes"):
+        read_cameras("/dev/zero")

@@ -232,7 +232,7 @@ EVERYTHING = Scene(
     gravity=(0.0, 0.1, -9.81),
     objects=(
         SplatObject(
-            name='odd "name" \\ \x7f\u2603\n',
+            name='odd "name" \\ \u2603',
             splat=Path("/some/where/a.ply"),
             material=Sand(density=1.0, youngs_modulus=2.0, poissons_ratio=-0.1, friction_angle=12.0),
             up="+x",
@@ -281,7 +281,11 @@ EVERYTHING = Scene(
     force_fields=(Wind(velocity=(3.0, 0.0, 0.0), drag=0.5), Wind(region=SphereShape(center=(0.0,) * 3, radius=1.0))),
     domain=Domain(lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0), policy=DomainPolicy.CLAMP),
     engine=EngineChoice(
-        name="x", device="cpu", precision=Precision.FLOAT64, seed=3, options={"a": 1, "b": [1.5, "t"], "c d": True}
+        name="x",
+        device="cpu",
+        precision=Precision.FLOAT64,
+        seed=3,
+        options={"a": 1, "b": [1.5, "t\x7f\n"], "c d": True},
     ),
     accuracy=EngineAccuracy(resolution=32, substep=1e-5, spacing=0.1),
     maps=MapChoice(vertices=4, covariance="gram_schmidt", alpha=3.0, edge_floor=0.0),
@@ -325,7 +329,7 @@ def test_paths_may_name_variables_of_the_environment(write, tmp_path, monkeypatc
 @given(
     st.floats(1e-3, 1e3),
     st.floats(1e-2, 1e3),
-    st.text(min_size=1, alphabet=st.characters(exclude_categories=["Cs"])),
+    st.text(min_size=1, max_size=200, alphabet=st.characters(exclude_categories=["C", "Z"])),
     st.one_of(st.just(math.inf), st.floats(1e-3, 1e9)),
 )
 def test_any_number_and_any_name_survive(duration, frame_rate, name, alpha):
