@@ -60,6 +60,11 @@ test: check ## Everything that has to be true, in under 15 minutes on two cores;
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 endif
 
+COUNT ?= 20000
+.PHONY: fuzz
+fuzz: $(STAMP) ## Damaged splats, scenes and cameras: each has to be read or refused; COUNT=100000 of each
+	@$(BIN)/python tests/fuzz/harness.py --count $(COUNT) --first $$(date +%s) --keep build/fuzz
+
 .PHONY: rooms
 rooms: $(STAMP) ## Which room takes how long to test, and which tests cost most
 	@$(BIN)/python benchmarks/test_rooms.py
