@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from gasp_mpm_host.session import MpmSession
-from gasp_mpm_host.testing import SessionTests, TracerTests
+from gasp_mpm_host.testing import CheckpointTests, SessionTests, TracerTests
 from gasp_mpm_host.testing.kit import falling
 from gasp_mpm_host.testing.tracers import traced
 from gasp_taichi_mpm import runtime
@@ -19,6 +19,10 @@ from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
 class TestSession(SessionTests):
+    pass
+
+
+class TestCheckpoints(CheckpointTests):
     pass
 
 

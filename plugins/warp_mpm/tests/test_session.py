@@ -5,7 +5,7 @@ import sys
 
 import pytest
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.testing import SessionTests, TracerTests
+from gasp_mpm_host.testing import CheckpointTests, SessionTests, TracerTests
 from gasp_mpm_host.testing.kit import falling
 from gasp_warp_mpm import runtime
 
@@ -13,6 +13,10 @@ from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
 class TestSession(SessionTests):
+    pass
+
+
+class TestCheckpoints(CheckpointTests):
     pass
 
 

@@ -5,10 +5,19 @@ Nothing here imports a backend or an engine.
 """
 
 from gasp_mpm_host.testing.agreement import AgreementTests
+from gasp_mpm_host.testing.checkpoints import CheckpointTests
 from gasp_mpm_host.testing.decompositions import DecompositionTests
 from gasp_mpm_host.testing.extremes import ExtremesTests
 from gasp_mpm_host.testing.kit import Kit
 from gasp_mpm_host.testing.sessions import SessionTests
 from gasp_mpm_host.testing.tracers import TracerTests
 
-__all__ = ["AgreementTests", "DecompositionTests", "ExtremesTests", "Kit", "SessionTests", "TracerTests"]
+__all__ = [
+    "AgreementTests",
+    "CheckpointTests",
+    "DecompositionTests",
+    "ExtremesTests",
+    "Kit",
+    "SessionTests",
+    "TracerTests",
+]

@@ -1,4 +1,4 @@
-"""Sessions: times, restarts, threads, neighbours, guards, refusals."""
+"""Sessions: times, threads, neighbours, guards, refusals."""
 
 from __future__ import annotations
 
@@ -36,68 +36,6 @@ class SessionTests:
     def pool_of_four(self, monkeypatch):
         """Let up to four threads be asked for, whatever the machine has."""
         monkeypatch.setattr(core_threads, "processors", lambda: 4)
-
-    @pytest.mark.parametrize(
-        "material", ["sand", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("rubber", "snow", "metal"))]
-    )
-    @pytest.mark.parametrize("precision", ["float32", "float64"])
-    def test_restart_is_bitwise(self, kit, precision, material):
-        problem = falling(kit, material)
-        with kit.open(problem, precision=precision, spacing=0.1) as whole:
-            whole.advance_to(0.03)
-            kept = {name: np.array(array) for name, array in whole.checkpoint().items()}
-            whole.advance_to(0.06)
-            expected = whole.read(kit.everything)
-        with kit.open(problem, precision=precision, spacing=0.1, restart=kept) as resumed:
-            assert resumed.time == 0.03
-            resumed.advance_to(0.06)
-            assert same(resumed.read(kit.everything), expected)
-
-    def test_a_checkpoint_of_something_else_is_refused(self, kit):
-        with kit.open(falling(kit), spacing=0.1) as session:
-            kept = session.checkpoint()
-        with pytest.raises(SceneError, match="spacing"):
-            kit.open(falling(kit), spacing=0.05, restart=kept)
-        with pytest.raises(SceneError, match="precision"):
-            kit.open(falling(kit), spacing=0.1, precision="float64", restart=kept)
-        for lost in ("cells", "rows", "labels", "ids", "time"):
-            with pytest.raises(SceneError, match=lost if lost != "time" else "another scene"):
-                kit.open(falling(kit), spacing=0.1, restart={name: kept[name] for name in kept if name != lost})
-
-    @pytest.mark.parametrize(
-        ("array", "damage", "says"),
-        [
-            ("ids", lambda ids: np.where(ids == 0, 10**9, ids), "every point once"),
-            ("ids", lambda ids: np.zeros_like(ids), "every point once"),
-            (
-                "labels",
-                lambda labels: labels + np.eye(1, labels.shape[1], at.MATERIAL, dtype=np.int32) * 10**6,
-                "materials",
-            ),
-            (
-                "labels",
-                lambda labels: labels + np.eye(1, labels.shape[1], at.HOME, dtype=np.int32) * 9,
-                "where its cells",
-            ),
-            ("cells", lambda cells: cells * 1e300, "where its cells"),
-            ("cells", lambda cells: cells * np.nan, "where its cells"),
-        ],
-        ids=["unknown points", "one point", "unknown material", "home elsewhere", "cells far away", "cells nowhere"],
-    )
-    def test_a_checkpoint_that_no_run_has_written_is_refused(self, kit, array, damage, says):
-        """Kernels would read and write out of their memory by it."""
-        with kit.open(falling(kit), spacing=0.1) as session:
-            session.advance_to(0.01)
-            kept = session.checkpoint()
-        with pytest.raises(SceneError, match=f"{says}.*: it is damaged; start without it"):
-            kit.open(falling(kit), spacing=0.1, restart={**kept, array: damage(np.array(kept[array]))})
-
-    def test_points_in_another_order_than_their_cells_are_refused(self, kit):
-        with kit.open(falling(kit), spacing=0.1) as session:
-            kept = session.checkpoint()
-        turned = {name: np.array(kept[name])[::-1] for name in ("cells", "rows", "labels", "ids")}
-        with pytest.raises(SceneError, match="in the order of their cells: it is damaged"):
-            kit.open(falling(kit), spacing=0.1, restart={**kept, **turned})
 
     @pytest.mark.thorough
     def test_specialisations_in_one_process_do_not_disturb_each_other(self, kit):
