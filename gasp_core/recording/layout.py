@@ -4,7 +4,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 
 | node | what |
 |---|---|
-| ``/`` | attributes: the `Header` |
+| ``/`` | attributes: the `Header`, with length and checksum of every file that is written once |
 | ``reference/means``, ``quaternions``, ``scales``, ``opacities``, ``harmonics`` | the drawn scene at rest |
 | ``reference/moving`` | (N,) bool, which Gaussians are simulated |
 | ``reference/points`` | (P, 3) float64, the engine's points at the start, edges magnified [m] |
@@ -13,9 +13,14 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``frames/velocities`` | the same for velocities, where asked for [m/s] |
 | ``frames/drifts`` | (T, D, 3) float32, how far simplices have moved by themselves, see `gasp_core.dynamics` [m] |
 | ``bodies/<i>/unmoved`` | (N, V, 3) float64, instead, what the formula in the scene is applied to [m] |
-| ``commits/<frame>`` | attributes: the `Commit`. A frame exists once this does |
-| ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``; at most two |
+| ``commits/<frame>`` | attributes: the `Commit`, and what its chunks are. A frame exists once this does |
+| ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``, and their check as an attribute; at most two |
 | ``status`` | attributes: state, reason, frames wanted |
+
+Header, commits, status and the metadata of checkpoints and of arrays of frames end with their own checksum. So every
+file is either checked by what commits it or by itself; `gasp_core.recording.files` says what a checksum is worth.
+Every chunk is a file, all zeros too: one that is missing is damage. Recordings that were begun before version 6 have
+none of this, and are gone on with as they were begun.
 
 Displacements less their mean keep the shape of a small edge however far the body flew: at 1e4 m a float32 knows
 positions to a millimetre.
@@ -24,29 +29,30 @@ positions to a millimetre.
 from __future__ import annotations
 
 import dataclasses
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gasp_core.errors import RecordingError
-from gasp_core.recording.durable import replace_file
+from gasp_core.recording.files import FileCheck
 from gasp_core.recording.migrations import VERSION, migrated
 
 __all__ = [
+    "CHECKED_FROM",
     "FORMAT",
     "BodyEntry",
     "Commit",
     "EngineRecord",
     "Header",
     "ObjectEntry",
-    "commit_folder",
-    "read_attributes",
-    "write_attributes",
+    "commit_attributes",
+    "commit_key",
 ]
 
 FORMAT = "gasp-recording"
+CHECKED_FROM = 6
+"""The first version whose files have checksums."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +130,8 @@ class Header:
         Sentences for the user: what was set aside, and the like.
     engine
         What made it.
+    files
+        Length [bytes] and checksum of every file that is written once, by its path. Empty before version 6.
     """
 
     gasp_version: str
@@ -137,6 +145,7 @@ class Header:
     bodies: tuple[BodyEntry, ...]
     notes: tuple[str, ...]
     engine: EngineRecord
+    files: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     def attributes(self) -> dict[str, Any]:
         """As JSON values."""
@@ -158,7 +167,7 @@ class Header:
         version = attributes.get("version")
         if type(version) is not int or not 1 <= version <= VERSION:
             raise RecordingError(
-                f"{path}: is a recording of version {version!r}, this GASP reads up to {VERSION}: update GASP"
+                f"{path}: is a recording of version {ascii(version)[:20]}, this GASP reads up to {VERSION}: update GASP"
             )
         try:
             today = migrated(dict(attributes))
@@ -167,6 +176,8 @@ class Header:
             values["bodies"] = tuple(BodyEntry(**entry) for entry in values["bodies"])
             values["notes"] = tuple(values["notes"])
             values["engine"] = EngineRecord(**values["engine"])
+            if version >= CHECKED_FROM and not values["files"]:
+                raise ValueError("it does not know its files")
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RecordingError(f"{path}: the header of the recording is damaged ({error})") from None
         return cls(**values)
@@ -181,7 +192,8 @@ class Commit:
     frame, time
         Number and simulated time [s].
     chunks
-        Size [bytes] of every chunk file by its path in the recording; 0 where Zarr writes none (all zero).
+        What every chunk file is, by its path in the recording. Before version 6 a length alone, and 0 for a chunk of
+        zeros, which had no file.
     body_displacements
         Mean displacement [m] of each body, float64.
     degenerate
@@ -192,37 +204,19 @@ class Commit:
 
     frame: int
     time: float
-    chunks: Mapping[str, int]
+    chunks: Mapping[str, FileCheck]
     body_displacements: tuple[tuple[float, float, float], ...]
     degenerate: tuple[tuple[tuple[int, int], ...], ...]
     diagnostics: Mapping[str, Any]
 
 
-def commit_folder(path: Path, frame: int) -> Path:
-    """The node of a frame's commit."""
-    return path / "commits" / f"{frame:08d}"
+def commit_key(frame: int) -> str:
+    """File of a frame's commit, within the recording."""
+    return f"commits/{frame:08d}/zarr.json"
 
 
-def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
-    """Make a folder a Zarr group of these attributes, in one step."""
-    folder.mkdir(parents=True, exist_ok=True)
-    node = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
-    replace_file(folder / "zarr.json", json.dumps(node, allow_nan=False).encode())
-
-
-def read_attributes(folder: Path) -> dict[str, Any]:
-    """Attributes of a Zarr group.
-
-    Raises
-    ------
-    RecordingError
-        Where the file is damaged.
-    FileNotFoundError
-        Where there is none.
-    """
-    file = folder / "zarr.json"
-    try:
-        attributes: dict[str, Any] = json.loads(file.read_bytes())["attributes"]
-    except (ValueError, KeyError, TypeError):
-        raise RecordingError(f"{file}: is damaged, the recording cannot be read here") from None
-    return attributes
+def commit_attributes(commit: Commit, header: Header) -> dict[str, Any]:
+    """A commit as JSON values, as recordings with that header have it."""
+    chunks = {key: [check.size, check.checksum] if header.files else check.size for key, check in commit.chunks.items()}
+    fields = {item.name: getattr(commit, item.name) for item in dataclasses.fields(Commit)}
+    return {**fields, "chunks": chunks}

@@ -11,7 +11,7 @@ __all__ = ["VERSION", "migrated"]
 
 Attributes = dict[str, Any]
 
-VERSION = 5
+VERSION = 6
 """Of recordings as they are written today."""
 
 
@@ -61,9 +61,15 @@ def _without_need_of_the_scene(attributes: Attributes) -> Attributes:
     }
 
 
+def _without_checksums(attributes: Attributes) -> Attributes:
+    """5: nothing said what its files were."""
+    return {**attributes, "files": {}}
+
+
 _STEPS: tuple[Callable[[Attributes], Attributes], ...] = (
     _with_carriers,
     _with_drifts,
     _unchanged,
     _without_need_of_the_scene,
+    _without_checksums,
 )

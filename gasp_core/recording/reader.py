@@ -15,8 +15,14 @@ from gasp_core.dynamics.composition import PrescribedMotion
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
-from gasp_core.recording.layout import Commit, EngineRecord, Header, commit_folder, read_attributes
+from gasp_core.recording.arrays import chunk_key
+from gasp_core.recording.checks import check_carrier, check_status
+from gasp_core.recording.commits import Commits, numbered
+from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
+from gasp_core.recording.nodes import read_attributes
+from gasp_core.recording.opening import read_header
+from gasp_core.recording.store import Store
 from gasp_core.reduction.all_vertices import Block, Vertices, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.cores import Levels
@@ -42,7 +48,8 @@ class Recording:
     def __init__(self, path: Path, header: Header) -> None:
         self.path = path
         self.header = header
-        self._known = 0
+        self._store = Store(path, header)
+        self._commits = Commits(path, header)
 
     @classmethod
     def open(cls, path: str | Path) -> Recording:
@@ -54,25 +61,16 @@ class Recording:
             Where there is none, it is damaged, or of a newer version.
         """
         path = Path(path)
-        try:
-            attributes = read_attributes(path)
-        except FileNotFoundError:
-            what = "is no recording (no zarr.json in it)" if path.exists() else "there is no such recording"
-            raise RecordingError(f"{path}: {what}: name a folder that gasp run wrote") from None
-        except NotADirectoryError:
-            raise RecordingError(f"{path}: is a file, a recording is a folder that gasp run wrote") from None
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from None
-        return cls(path, Header.of(attributes, path))
+        return cls(path, read_header(path))
 
     def __repr__(self) -> str:
         return f"Recording({str(self.path)!r}, {self.status}, {self.frame_count} frames)"
 
     @property
     def status(self) -> RecordingStatus:
-        """ "running", "complete", or "incomplete": stopped, diverged, or its process died."""
+        """ "running", "complete", or "incomplete": stopped, diverged, its process died, or frames of it are lost."""
         state = self._state()["state"]
-        if state == "running" and not locked(self.path):
+        if (state == "running" and not locked(self.path)) or self.lost:
             return "incomplete"
         return cast(RecordingStatus, state)
 
@@ -80,6 +78,8 @@ class Recording:
     def reason(self) -> str:
         """Why it is incomplete; empty otherwise."""
         state = self._state()
+        if self.lost:
+            return f"damaged: {numbered(self.lost)} lost; gasp verify says more"
         if state["state"] == "running" and not locked(self.path):
             return "the process that wrote it ended without a word (killed, or the machine stopped)"
         return str(state["reason"])
@@ -91,22 +91,37 @@ class Recording:
 
     def _state(self) -> dict[str, Any]:
         try:
-            return read_attributes(self.path / "status")
+            state = read_attributes(self.path, "status/zarr.json", seal=bool(self.header.files))
+            check_status(state)
         except FileNotFoundError:
             raise RecordingError(f"{self.path}: has lost its status; its frames can be read all the same") from None
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: status/zarr.json is damaged: {error}") from None
+        return state
 
     @property
     def frame_count(self) -> int:
-        """Number of finished frames; grows while the run goes on."""
-        # A resumed run takes frames back.
-        while self._known and not self._committed(self._known - 1):
-            self._known -= 1
-        while self._committed(self._known):
-            self._known += 1
-        return self._known
+        """Number of finished frames, those that are lost included; grows while the run goes on."""
+        return self._commits.look().count
 
-    def _committed(self, frame: int) -> bool:
-        return (commit_folder(self.path, frame) / "zarr.json").exists()
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """Frames that were finished and whose commit is missing: holes, and the end of a run that was complete.
+
+        Of those that are there, `gasp_core.recording.verifying.verify` looks at every file.
+        """
+        found = self._commits.look()
+        try:
+            state = self._state()
+        except RecordingError:
+            return found.lost
+        end = state["frames_wanted"] if state["state"] == "complete" else found.count
+        return (*found.lost, *range(found.count, end))
+
+    @property
+    def torn(self) -> tuple[int, ...]:
+        """Frames at the end whose commits are damaged: they were being written, and count as never written."""
+        return self._commits.look().torn
 
     @property
     def times(self) -> Array:
@@ -146,8 +161,7 @@ class Recording:
     @cached_property
     def reference(self) -> Gaussians:
         """The whole drawn scene at rest: metres, +z up, objects in the order of the scene."""
-        names = [field.name for field in dataclasses.fields(Gaussians)]
-        return Gaussians(**{name: self._array(f"reference/{name}") for name in names})
+        return self._store.reference()
 
     def placement(self, name: str) -> Placement:
         """How an object's file was put into the world.
@@ -175,12 +189,16 @@ class Recording:
     @cached_property
     def moving(self) -> Array:
         """Mask (N,) of the Gaussians that are simulated."""
-        return self._array("reference/moving")
+        moving = self._store.array("reference/moving", (self._store.rows,), "b")
+        for item in (self.header.objects[body.item] for body in self.header.bodies):
+            if not moving[item.first : item.last].any():
+                raise RecordingError(f'{self.path}: reference/moving is damaged: nothing of "{item.name}" moves')
+        return moving
 
     @cached_property
     def start_points(self) -> Array:
         """The engine's points at the start, (P, 3) float64 [m]."""
-        return self._array("reference/points")
+        return self._store.array("reference/points", (self._store.points, 3), "f")
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
@@ -197,7 +215,7 @@ class Recording:
                     rows=rows,
                     points=slice(entry.first, entry.last),
                     block=block,
-                    carrier=self._carrier(index, entry.carrier),
+                    carrier=self._carrier(index, len(rows)),
                     drift=self._drift(index, item.name, block) if entry.drifts else None,
                 )
             )
@@ -205,22 +223,25 @@ class Recording:
 
     def _drift(self, index: int, name: str, block: Block) -> PrescribedMotion | None:
         """The motion of a body that has a formula."""
-        if f"bodies/{index}/unmoved" not in self._store:
+        if not self._store.has(f"bodies/{index}/unmoved"):
             return None
         choice = read_stored_motion(self.header.bodies[index].motion or {}, file=f"{self.path} (motion)")
-        unmoved = self._array(f"bodies/{index}/unmoved")
+        unmoved = self._store.array(f"bodies/{index}/unmoved", block.rest.shape, "f")
         return PrescribedMotion.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
-    def _carrier(self, index: int, kind: str) -> TransferOperator:
+    def _carrier(self, index: int, count: int) -> TransferOperator:
         kinds: dict[str, type[Vertices | Levels]] = {Vertices.kind: Vertices, Levels.kind: Levels}
-        if kind not in kinds:
-            raise RecordingError(f'{self.path}: carries body {index} by "{kind}", this GASP knows no such: update GASP')
+        entry = self.header.bodies[index]
+        if entry.carrier not in kinds:
+            raise RecordingError(
+                f'{self.path}: carries body {index} by "{entry.carrier}", this GASP knows no such: update GASP'
+            )
+        arrays = self._store.carrier(index, count)
+        arrays.pop("unmoved", None)
         try:
-            names = [
-                name for name, node in self._store[f"bodies/{index}"].members(max_depth=None) if hasattr(node, "dtype")
-            ]
-            return kinds[kind].of({name: self._array(f"bodies/{index}/{name}") for name in names})
-        except (KeyError, TypeError) as error:
+            check_carrier(arrays, entry, count)
+            return kinds[entry.carrier].of(arrays)
+        except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(f"{self.path}: bodies/{index} is damaged ({_short(error)})") from None
 
     def commit(self, frame: int) -> Commit:
@@ -234,7 +255,7 @@ class Recording:
         count = self.frame_count
         if not 0 <= frame < count:
             raise RecordingError(f"{self.path}: has no frame {frame}, its frames are 0 to {count - 1}")
-        return Commit(**read_attributes(commit_folder(self.path, frame)))
+        return self._commits.read(frame)
 
     def diagnostics(self, frame: int | None = None) -> Any:
         """What is known of the step that led to a frame, a dict; a list of them for all frames where none is named.
@@ -263,7 +284,7 @@ class Recording:
     @property
     def has_velocities(self) -> bool:
         """Whether the points' velocities were recorded."""
-        return "frames/velocities" in self._store
+        return "velocities" in self._store.frame_names()
 
     def velocities(self, frame: int) -> Array:
         """Velocities of the points, (P, 3) float32 [m/s].
@@ -352,34 +373,22 @@ class Recording:
             else:
                 kept = self._frame_array("drifts", commit) if kept is None else kept
                 last = first + body.block.rest.size // 3
+                if last > len(kept):
+                    raise RecordingError(f"{self.path}: frames/drifts is damaged: it has too few rows")
                 drifts.append(kept[first:last].reshape(body.block.rest.shape))
                 first = last
         return drifts
 
-    @cached_property
-    def _store(self) -> Any:
-        import zarr
-
-        return zarr.open_group(str(self.path), mode="r")
-
-    def _array(self, name: str) -> Array:
-        try:
-            return np.asarray(self._store[name][...])
-        except (KeyError, OSError, ValueError, RuntimeError) as error:
-            raise RecordingError(f"{self.path}: {name} is damaged ({_short(error)})") from None
-
     def _frame_array(self, name: str, commit: Commit) -> Array:
-        where = f"{self.path}: {name} of frame {commit.frame}"
-        for chunk, size in commit.chunks.items():
-            if f"frames/{name}/" in chunk:
-                file = self.path / chunk
-                found = file.stat().st_size if file.exists() else 0
-                if found != size:
-                    raise RecordingError(f"{where} is damaged: its chunk has {found} bytes, expected {size}")
+        key = f"frames/{name}/{chunk_key((commit.frame, 0, 0))}"
+        if key not in commit.chunks:
+            raise RecordingError(f"{self.path}: {name} of frame {commit.frame} is damaged: its commit does not know it")
+        rows = None if name == "drifts" else self._store.points
         try:
-            return np.asarray(self._store[f"frames/{name}"][commit.frame])
-        except (KeyError, OSError, ValueError, RuntimeError) as error:
-            raise RecordingError(f"{where} is damaged ({_short(error)})") from None
+            return self._store.frame(name, commit.frame, commit.chunks[key], rows)
+        except RecordingError as error:
+            told = str(error).removeprefix(f"{self.path}: ").replace(" is damaged", "", 1)
+            raise RecordingError(f"{self.path}: {name} of frame {commit.frame} is damaged: {told}") from None
 
 
 def _short(error: BaseException) -> str:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import io
+import json
 import os
 import shutil
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,17 +15,22 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
-from gasp_core.recording.durable import folder_in_the_making, remove_leftovers, sync_file, sync_folder
-from gasp_core.recording.layout import FORMAT, Commit, Header, commit_folder, read_attributes, write_attributes
+from gasp_core.recording.arrays import array_node, chunk_key, encoded
+from gasp_core.recording.checkpoints import checkpoint_files, read_checkpoint
+from gasp_core.recording.creating import create_store
+from gasp_core.recording.durable import folder_in_the_making, remove_leftovers, replace_file, sync_folder
+from gasp_core.recording.files import FileCheck, checksum
+from gasp_core.recording.layout import FORMAT, Commit, Header, commit_attributes, commit_key
 from gasp_core.recording.lock import lock
+from gasp_core.recording.nodes import group, read_node, sealed, write_attributes
 from gasp_core.recording.reader import Recording
+from gasp_core.recording.store import Store
+from gasp_core.recording.verifying import leading_frames, refuse_damaged
 
 __all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
 
 Array = NDArray[Any]
 
-_CHUNK_ROWS = 2**18
-_FLAT: Any = {"name": "default", "separator": "."}
 _KEPT_CHECKPOINTS = 2
 
 
@@ -42,16 +46,15 @@ def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[
 class RecordingWriter:
     """The writing end of a recording; holds its lock until closed."""
 
-    def __init__(self, path: Path, header: Header, descriptor: int) -> None:
-        import zarr
-
+    def __init__(self, path: Path, header: Header, descriptor: int, frames_wanted: int) -> None:
         self.path = path
         self.header = header
         self._descriptor: int | None = descriptor
+        self._frames_wanted = frames_wanted
         self._bodies = [slice(body.first, body.last) for body in header.bodies]
-        store: Any = zarr.open_group(str(path), mode="r+")
-        self._frames: dict[str, Any] = dict(store["frames"].arrays())
-        self._start: Array = np.asarray(store["reference/points"][...])
+        store = Store(path, header)
+        self._frames = {name: store.frame_node(name) for name in store.frame_names()}
+        self._start = store.array("reference/points", (store.points, 3), "f")
 
     @classmethod
     def create(
@@ -85,12 +88,13 @@ class RecordingWriter:
                 rows = {"displacements": len(points)}
                 rows |= {"velocities": len(points)} if velocities else {}
                 rows |= {"drifts": drifting} if drifting else {}
-                _write_store(folder, header, reference, moving, points, carriers, frames_wanted, rows)
+                arrays = _arrays(reference, moving, points, carriers)
+                header = create_store(folder, header, arrays, rows, frames_wanted)
                 if replaced:
                     _discard(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
-        return cls(path, header, _locked(path))
+        return cls(path, header, _locked(path), frames_wanted)
 
     @property
     def keeps_velocities(self) -> bool:
@@ -103,29 +107,31 @@ class RecordingWriter:
 
         Whether it may be gone on with, `gasp_core.recording.continuing.refuse_other` says.
 
-        Frames after the last usable checkpoint are taken back. With no checkpoint the state is empty and frame 0 is
-        kept; -1 where there is not even that. Where all frames are there, all are kept.
+        Frames after the last usable checkpoint are taken back, and so are those from the first damaged one on. With no
+        checkpoint the state is empty and frame 0 is kept; -1 where there is not even that. Where all frames are there
+        and whole, all are kept.
 
         Raises
         ------
         RecordingError
-            Where it is being written now, or the disk refuses.
+            Where it is being written now, or the disk refuses; where what all frames need is damaged.
         """
         path = found.path
         remove_leftovers(path)
         descriptor = _locked(path)
         try:
-            writer = cls(path, found.header, descriptor)
+            refuse_damaged(found)
+            writer = cls(path, found.header, descriptor, frames_wanted)
             for leftover in (path / "checkpoints").glob(".*.part"):
                 shutil.rmtree(leftover, ignore_errors=True)
-            count = found.frame_count
+            count = leading_frames(found)
             frame, state = writer._last_checkpoint(count) if count < frames_wanted else (count - 1, {})
             writer._take_back(frame + 1)
-            for name, array in writer._frames.items():
-                if array.shape[0] < frames_wanted:
-                    array.resize((frames_wanted, *array.shape[1:]))
-                    sync_file(path / "frames" / name / "zarr.json")
-            writer._write_status("running", "", frames_wanted)
+            for name, node in writer._frames.items():
+                if node.shape[0] < frames_wanted:
+                    longer = dataclasses.replace(node, shape=(frames_wanted, *node.shape[1:]))
+                    replace_file(path / "frames" / name / "zarr.json", sealed(array_node(longer)))
+            writer._write_status("running", "")
             return writer, frame, state
         except OSError as error:
             os.close(descriptor)
@@ -172,15 +178,15 @@ class RecordingWriter:
             Where the disk refuses; the frames before are kept.
         """
         try:
-            chunks: dict[str, int] = {}
+            chunks: dict[str, FileCheck] = {}
             drifted = [drift.reshape(-1, 3) for drift in drifts]
             given = {"displacements": relative, "velocities": velocities}
             given["drifts"] = np.concatenate(drifted) if drifted else None
-            for name, array in self._frames.items():
+            for name, node in self._frames.items():
                 values = given[name]
-                assert values is not None
-                array[frame] = values.astype(np.float32, copy=False)
-                chunks |= self._sync_chunk(name, frame)
+                assert values is not None and values.shape == node.shape[1:]
+                content = encoded(values.astype(np.float32, copy=False))
+                chunks[_chunk(name, frame)] = self._write_chunk(_chunk(name, frame), content)
             commit = Commit(
                 frame=frame,
                 time=time,
@@ -189,8 +195,7 @@ class RecordingWriter:
                 degenerate=tuple(tuple((int(row), int(last)) for row, last in rows) for rows in degenerate),
                 diagnostics=diagnostics,
             )
-            write_attributes(commit_folder(self.path, frame), dataclasses.asdict(commit))
-            sync_folder(self.path / "commits")
+            self._write_commit(commit)
         except OSError as error:
             raise RecordingError(
                 f"{self.path}: frame {frame} cannot be written: {error.strerror or error};"
@@ -213,7 +218,8 @@ class RecordingWriter:
         try:
             shutil.rmtree(folder, ignore_errors=True)
             with folder_in_the_making(folder) as beside:
-                _store_checkpoint(beside, state)
+                for name, content in checkpoint_files(state).items():
+                    (beside / name).write_bytes(content)
             for older in sorted(self._checkpoints())[:-_KEPT_CHECKPOINTS]:
                 shutil.rmtree(self._checkpoints()[older], ignore_errors=True)
         except OSError as error:
@@ -223,7 +229,7 @@ class RecordingWriter:
 
     def finish(self, state: str, reason: str) -> None:
         """Say how the run ended: "complete", or "incomplete" and why."""
-        self._write_status(state, reason, int(read_attributes(self.path / "status")["frames_wanted"]))
+        self._write_status(state, reason)
 
     def close(self) -> None:
         """Let go of the lock; may be called twice."""
@@ -231,19 +237,28 @@ class RecordingWriter:
             os.close(self._descriptor)
             self._descriptor = None
 
-    def _write_status(self, state: str, reason: str, frames_wanted: int) -> None:
-        attributes = {"state": state, "reason": reason, "frames_wanted": frames_wanted}
+    def _write_status(self, state: str, reason: str) -> None:
+        attributes = {"state": state, "reason": reason, "frames_wanted": self._frames_wanted}
         write_attributes(self.path / "status", attributes)
 
-    def _sync_chunk(self, name: str, frame: int) -> dict[str, int]:
-        """Flush the chunk file of a frame; its path and size."""
-        file = self.path / "frames" / name / _chunk_name(frame)
-        key = file.relative_to(self.path).as_posix()
-        if not file.exists():
-            return {key: 0}
-        sync_file(file)
+    def _write_chunk(self, key: str, content: bytes) -> FileCheck:
+        """Write the chunk of a frame and flush it; no commit knows it yet."""
+        file = self.path / key
+        with file.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
         sync_folder(file.parent)
-        return {key: file.stat().st_size}
+        return FileCheck(size=len(content), checksum=checksum(content))
+
+    def _write_commit(self, commit: Commit) -> None:
+        """Make a frame exist."""
+        node = group(commit_attributes(commit, self.header))
+        file = self.path / commit_key(commit.frame)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # Programs before version 6 know no seal, and may go on with what was begun by them.
+        replace_file(file, sealed(node) if self.header.files else json.dumps(node, allow_nan=False).encode())
+        sync_folder(self.path / "commits")
 
     def _checkpoints(self) -> dict[int, Path]:
         folder = self.path / "checkpoints"
@@ -254,7 +269,7 @@ class RecordingWriter:
         checkpoints = self._checkpoints()
         for frame in sorted(checkpoints, reverse=True):
             if frame < count:
-                state = _read_checkpoint(checkpoints[frame])
+                state = read_checkpoint(self.path, frame, sealed=bool(self.header.files))
                 if state:
                     return frame, state
         return min(count, 1) - 1, {}
@@ -262,7 +277,8 @@ class RecordingWriter:
     def _take_back(self, first: int) -> None:
         """Remove frames from `first` on: commits first, last to first, so that no half frame is ever seen."""
         commits = self.path / "commits"
-        for entry in sorted((entry for entry in commits.iterdir() if entry.is_dir()), reverse=True):
+        numbered = [entry for entry in commits.iterdir() if entry.name.isdigit()]
+        for entry in sorted(numbered, reverse=True):
             if int(entry.name) >= first:
                 (entry / "zarr.json").unlink(missing_ok=True)
                 shutil.rmtree(entry, ignore_errors=True)
@@ -277,87 +293,20 @@ class RecordingWriter:
                     entry.unlink()
 
 
-def _chunk_name(frame: int) -> str:
-    """File of a frame's chunk in its array: one flat folder, for each folder costs a flush of its own."""
-    return f"c.{frame}.0.0"
+def _chunk(name: str, frame: int) -> str:
+    """File of a frame's chunk, within the recording."""
+    return f"frames/{name}/{chunk_key((frame, 0, 0))}"
 
 
-def _store_checkpoint(folder: Path, state: Mapping[str, Array]) -> None:
-    """An engine's state as one Zarr array of bytes, those of an ``.npz``."""
-    import zarr
-    from zarr.codecs import BloscCodec, Crc32cCodec
-
-    packed = io.BytesIO()
-    # Positional names: a key of the engine's may be anything.
-    arrays: dict[str, Any] = {f"a{index}": np.asarray(array) for index, array in enumerate(state.values())}
-    np.savez(packed, **arrays)
-    content = np.frombuffer(packed.getbuffer(), dtype=np.uint8)
-    zarr.create_array(
-        str(folder),
-        data=content,
-        chunks=content.shape,
-        compressors=[BloscCodec(cname="lz4", clevel=1), Crc32cCodec()],
-        chunk_key_encoding=_FLAT,
-        attributes={"names": list(state)},
-        overwrite=True,
-    )
-
-
-def _write_store(
-    folder: Path,
-    header: Header,
-    reference: Gaussians,
-    moving: Array,
-    points: Array,
-    carriers: Sequence[Mapping[str, Array]],
-    frames_wanted: int,
-    rows: Mapping[str, int],
-) -> None:
-    import zarr
-    from zarr.codecs import BloscCodec, Crc32cCodec
-
-    # The checksum is the outermost codec: damage is found before anything is unpacked.
-    codecs = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
-    root: Any = zarr.create_group(str(folder), attributes=header.attributes())
-
-    def keep(name: str, values: Array) -> None:
-        chunks = (max(min(len(values), _CHUNK_ROWS), 1), *(max(length, 1) for length in values.shape[1:]))
-        root.create_array(
-            name, data=np.ascontiguousarray(values), chunks=chunks, compressors=codecs, chunk_key_encoding=_FLAT
-        )
-
-    for field in dataclasses.fields(reference):
-        keep(f"reference/{field.name}", getattr(reference, field.name))
-    keep("reference/moving", moving)
-    keep("reference/points", points)
+def _arrays(
+    reference: Gaussians, moving: Array, points: Array, carriers: Sequence[Mapping[str, Array]]
+) -> dict[str, Array]:
+    """All that is written once, by its path."""
+    found = {f"reference/{field.name}": getattr(reference, field.name) for field in dataclasses.fields(reference)}
+    found |= {"reference/moving": moving, "reference/points": points}
     for index, arrays in enumerate(carriers):
-        for name, values in arrays.items():
-            keep(f"bodies/{index}/{name}", values)
-    for name, count in rows.items():
-        root.create_array(
-            f"frames/{name}",
-            shape=(frames_wanted, count, 3),
-            chunks=(1, count, 3),
-            dtype="float32",
-            compressors=codecs,
-            chunk_key_encoding=_FLAT,
-        )
-    write_attributes(folder / "commits", {})
-    write_attributes(folder / "checkpoints", {})
-    write_attributes(folder / "status", {"state": "running", "reason": "", "frames_wanted": frames_wanted})
-
-
-def _read_checkpoint(folder: Path) -> dict[str, Array]:
-    """The state kept in a folder; empty where it is damaged."""
-    import zarr
-
-    try:
-        names: list[str] = read_attributes(folder)["names"]
-        node: Any = zarr.open_array(str(folder), mode="r")
-        with np.load(io.BytesIO(node[...].tobytes()), allow_pickle=False) as arrays:
-            return {name: arrays[f"a{index}"] for index, name in enumerate(names)}
-    except (RecordingError, KeyError, OSError, ValueError, RuntimeError, zipfile.BadZipFile):
-        return {}
+        found |= {f"bodies/{index}/{name}": values for name, values in arrays.items()}
+    return found
 
 
 def refuse_existing(path: Path, overwrite: bool) -> bool:
@@ -365,7 +314,7 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return False
     try:
-        recording = path.is_dir() and read_attributes(path).get("format") == FORMAT
+        recording = path.is_dir() and read_node(path, "zarr.json")[0]["attributes"].get("format") == FORMAT
     except (OSError, RecordingError):
         recording = False
     if not recording:

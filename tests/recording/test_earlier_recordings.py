@@ -17,6 +17,7 @@ import pytest
 from gasp_core import EngineChoice, Gaussians, Recording
 from gasp_core.errors import RecordingError
 from gasp_core.recording.migrations import VERSION
+from gasp_core.recording.nodes import sealed
 
 KEPT = Path(__file__).parents[1] / "recording_versions"
 FIELDS = ("means", "quaternions", "scales", "opacities", "harmonics")
@@ -58,7 +59,7 @@ def rewritten(path, change):
     file = path / "zarr.json"
     node = json.loads(file.read_text())
     change(node["attributes"])
-    file.write_text(json.dumps(node))
+    file.write_bytes(sealed(node))
 
 
 def compare(found: Gaussians, truth, frame):

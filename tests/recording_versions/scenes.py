@@ -84,5 +84,9 @@ def _moving(version: int) -> tuple[SplatObject, ...]:
 
 def _maps(version: int) -> MapChoice:
     """Once each other than by default: what a frame is read with stood in the scene alone up to version 4."""
-    chosen = {3: MapChoice(alpha=math.inf), 4: MapChoice(alpha=1.05, covariance="gram_schmidt")}
+    chosen = {
+        3: MapChoice(alpha=math.inf),
+        4: MapChoice(alpha=1.05, covariance="gram_schmidt"),
+        5: MapChoice(alpha=math.inf, covariance="gram_schmidt"),
+    }
     return chosen.get(version, MapChoice())

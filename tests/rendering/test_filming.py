@@ -8,6 +8,7 @@ from PIL import Image
 import gasp_core as gasp
 from gasp_core.errors import RecordingError, RenderingError, SplatFormatError
 from gasp_core.recording import Recording
+from gasp_core.recording.nodes import sealed
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.footage import RecordedFootage, open_footage
 from gasp_core.rendering.framing import motion_of
@@ -185,7 +186,7 @@ def test_a_recording_without_placements_refuses_cameras_of_files(recording):
     file = recording.path / "zarr.json"
     node = json.loads(file.read_text())
     del node["attributes"]["objects"][0]["placement"]
-    file.write_text(json.dumps(node))
+    file.write_bytes(sealed(node))
     with pytest.raises(RecordingError, match="does not say how its objects were placed"):
         Recording.open(recording.path).placement("blob")
     with pytest.raises(RecordingError, match='has no object "pot", its objects are blob'):

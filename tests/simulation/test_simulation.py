@@ -267,14 +267,14 @@ def test_an_unwritable_place_leaves_nothing(scene_of, run, tmp_path):
 def test_a_full_disk_keeps_the_frames_before(scene_of, run, tmp_path, monkeypatch):
     from gasp_core.recording import writer
 
-    path, real = tmp_path / "a.gasp", writer.write_attributes
+    path, real = tmp_path / "a.gasp", writer.replace_file
 
-    def full(folder, attributes):
-        if folder.name == "00000004":
+    def full(file, content):
+        if file.parent.name == "00000004":
             raise OSError(28, "No space left on device")
-        real(folder, attributes)
+        real(file, content)
 
-    monkeypatch.setattr(writer, "write_attributes", full)
+    monkeypatch.setattr(writer, "replace_file", full)
     with pytest.raises(RecordingError, match="frame 4 cannot be written: No space left"):
         run(scene_of(), path)
     recording = Recording.open(path)

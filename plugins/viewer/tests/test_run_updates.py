@@ -87,10 +87,12 @@ def test_facts_are_the_recordings_diagnostics(toy_footage):
 def test_warnings_are_facts(copied):
     import json
 
+    from gasp_core.recording.nodes import sealed
+
     commit = copied / "commits" / "00000002" / "zarr.json"
     node = json.loads(commit.read_text())
     node["attributes"]["diagnostics"]["warnings"] = ["<b>too</b> fast"]
-    commit.write_text(json.dumps(node))
+    commit.write_bytes(sealed(node))
     assert ("warning", "<b>too</b> fast") in RunNews(open_footage(copied)).facts(2)
 
 

@@ -1,0 +1,229 @@
+"""What a header, a commit and the arrays of a carrier must be, whoever wrote them.
+
+Asked once, where they enter: behind it, compiled loops take rows as they are.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.recording.files import FileCheck
+from gasp_core.recording.layout import BodyEntry, Commit, Header
+
+__all__ = ["check_carrier", "check_header", "check_status", "commit_of"]
+
+Array = NDArray[Any]
+
+_PATH = re.compile(r"[a-z0-9_.]+(/[a-z0-9_.]+)*")
+_MOST_ROWS = 1 << 40
+_MOST_FRAMES = 10**8
+"""Their numbers have eight digits."""
+_CORNERS = 4
+"""Of a simplex, at most; so many points can a Gaussian have."""
+_NEIGHBOURS = 8
+_ROUNDING = 1e-4
+"""Of the sum of eight weights in float32, with room for those of earlier versions."""
+
+
+def check_header(header: Header) -> None:
+    """Refuse a header whose rows do not add up.
+
+    Raises
+    ------
+    ValueError
+        Saying what is wrong.
+    """
+    _expect(bool(header.objects) and bool(header.bodies), "it has no objects")
+    _expect(_number(header.frame_rate) and header.frame_rate > 0, "frame_rate is no rate")
+    _expect(_number(header.spacing) and header.spacing > 0, "spacing is no length")
+    strings = (header.gasp_version, header.scene, header.scene_digest, header.points_digest, *header.notes)
+    _expect(all(_text(text) for text in strings), "a text is none")
+    _expect(header.maps.get("covariance") in ("exact", "gram_schmidt"), "covariance is no map")
+    alpha = header.maps.get("alpha")
+    _expect(alpha is None or (_number(alpha) and alpha > 0), "alpha is no bound")
+    last = 0
+    for item in header.objects:
+        _expect(_text(item.name) and _text(item.splat_digest), "an object has no name")
+        _expect(item.first == last and _count(item.last) and item.last >= item.first, "rows of the objects have gaps")
+        last = item.last
+    _check_bodies(header)
+    for key, entry in header.files.items():
+        _expect(_PATH.fullmatch(key) is not None and ".." not in key, "it names a file that is none of its own")
+        _expect(_check(entry).checksum is not None, "it does not know its files")
+    engine = header.engine
+    _expect(_text(engine.name) and _text(engine.version), "the engine has no name")
+    _expect(_fields(engine.options), "the engine's options are none")
+
+
+def _check_bodies(header: Header) -> None:
+    last, before = 0, -1
+    for body in header.bodies:
+        known = _count(body.item) and before < body.item < len(header.objects)
+        _expect(known, "a body is of no object")
+        _expect(body.vertices in (3, 4) and type(body.vertices) is int, "a body is not of triangles or tetrahedra")
+        _expect(body.first == last and _count(body.last) and body.last > body.first, "rows of the bodies have gaps")
+        item = header.objects[body.item]
+        most = _CORNERS * (item.last - item.first)
+        _expect(body.last - body.first <= most, "a body has more points than its Gaussians have corners")
+        _expect(_text(body.carrier) and type(body.drifts) is bool, "a body has no carrier")
+        _expect(body.motion is None or _fields(body.motion), "a motion is none")
+        last, before = body.last, body.item
+
+
+def check_status(state: Mapping[str, Any]) -> None:
+    """Refuse a status that none wrote.
+
+    Raises
+    ------
+    ValueError
+        Saying what is wrong.
+    """
+    _expect(state.get("state") in ("running", "complete", "incomplete"), "it is in no state")
+    _expect(isinstance(state.get("reason"), str), "it has no reason")
+    wanted: Any = state.get("frames_wanted")
+    _expect(_count(wanted) and wanted < _MOST_FRAMES, "it wants no number of frames")
+
+
+def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Commit:
+    """The commit of a frame from its attributes.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        Where it is damaged.
+    """
+    fields: dict[str, Any] = dict(attributes)
+    fields["chunks"] = {key: _check(entry) for key, entry in fields["chunks"].items()}
+    found = Commit(**fields)
+    _expect(found.frame == frame and type(found.frame) is int, "it is of another frame")
+    _expect(_number(found.time), "its time is no number")
+    _expect(_fields(found.diagnostics), "it lacks its diagnostics")
+    means = [[*row] for row in found.body_displacements]
+    _expect(len(means) == len(header.bodies) and all(len(row) == 3 for row in means), "it lacks displacements")
+    _expect(all(_number(value) for row in means for value in row), "a displacement is no number")
+    _expect(len(found.degenerate) == len(header.bodies), "it lacks the rows without a frame")
+    for rows, body in zip(found.degenerate, header.bodies):
+        item = header.objects[body.item]
+        pairs = np.array(rows if rows else np.zeros((0, 2)), dtype=np.float64)
+        _expect(pairs.ndim == 2 and pairs.shape[1] == 2, "rows without a frame are no pairs")
+        _expect(_within(pairs[:, 0], item.last - item.first), "a row without a frame is no row")
+        _expect(_within(pairs[:, 1], frame + 1), "a frame before is no frame")
+    return found
+
+
+def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> None:
+    """Refuse the arrays of a body's carrier that do not fit its Gaussians, its points and each other.
+
+    Parameters
+    ----------
+    arrays
+        By their names below the body.
+    body
+        Of the header.
+    count
+        Its moving Gaussians.
+
+    Raises
+    ------
+    ValueError, KeyError
+        Saying which, and what is wrong.
+    """
+    points = body.last - body.first
+    for name, values in arrays.items():
+        _expect(values.dtype.kind != "f" or bool(np.isfinite(values).all()), f"{name} is not finite")
+    if body.carrier == "all":
+        _shape(arrays, "magnification", (count, body.vertices - 1), "f")
+        _expect(bool((arrays["magnification"] > 0).all()), "magnification is none")
+        _expect(points == count * body.vertices, "its points are not its vertices")
+        if any(name.startswith("gradients/") for name in arrays):
+            _check_fit(arrays, "gradients", count, count)
+        return
+    number = 0
+    carried: list[int] = []
+    while f"levels/{number}/points" in arrays:
+        cores = arrays[f"levels/{number}/points"]
+        _expect(cores.ndim == 3 and cores.shape[1:] == (_CORNERS, 3) and cores.dtype.kind == "f", "cores are none")
+        _expect(0 < len(cores) <= count, "it has more cores than Gaussians")
+        carried.append(len(cores))
+        number += 1
+    _expect(bool(carried) and _CORNERS * carried[0] == points, "its points are not the corners of its cores")
+    for index, (cores, rows) in enumerate(zip(carried, [*carried[1:], count])):
+        _check_fit(arrays, f"levels/{index}/transfer", rows, cores)
+
+
+def _check_fit(arrays: Mapping[str, Array], head: str, rows: int, cores: int) -> None:
+    """Of rows that are moved by cores, in one frame or by a fit."""
+    labels = _shape(arrays, f"{head}/labels", (rows,), "i")
+    _expect(_within(labels, cores), f"{head}/labels names cores that there are not")
+    fit = [name for name in ("neighbours", "weights", "inverses", "fallen") if f"{head}/{name}" in arrays]
+    if not fit:
+        return
+    neighbours = arrays[f"{head}/neighbours"]
+    columns = neighbours.shape[1] if neighbours.ndim == 2 else 0
+    _expect(1 <= columns <= _NEIGHBOURS, f"{head}/neighbours is no table")
+    _shape(arrays, f"{head}/neighbours", (rows, columns), "i")
+    _expect(_within(neighbours, cores), f"{head}/neighbours names cores that there are not")
+    weights = _shape(arrays, f"{head}/weights", (rows, columns), "f")
+    sums = weights.sum(axis=1, dtype=np.float64)
+    _expect(
+        bool((np.abs(sums - 1) <= _ROUNDING).all() and (weights >= 0).all()), f"{head}/weights do not add up to one"
+    )
+    _shape(arrays, f"{head}/inverses", (rows, 6), "f")
+    fallen = arrays[f"{head}/fallen"]
+    _expect(fallen.ndim == 1 and fallen.dtype.kind == "i" and len(fallen) <= rows, f"{head}/fallen is no list")
+    _expect(_within(fallen, rows), f"{head}/fallen names rows that there are not")
+    if f"{head}/order" in arrays:
+        order = _shape(arrays, f"{head}/order", (rows,), "i")
+        _expect(_within(order, rows), f"{head}/order names rows that there are not")
+        seen = np.zeros(rows, dtype=bool)
+        seen[order] = True
+        _expect(bool(seen.all()), f"{head}/order leaves rows out")
+
+
+def _shape(arrays: Mapping[str, Array], name: str, shape: Sequence[int], kind: str) -> Array:
+    values = arrays[name]
+    fits = values.shape == tuple(shape) and values.dtype.kind == kind
+    _expect(fits, f"{name} has shape {values.shape} of {values.dtype}, expected {tuple(shape)}")
+    return values
+
+
+def _within(values: Array, end: int) -> bool:
+    """Whether all are whole numbers from 0 to before `end`."""
+    if values.size == 0:
+        return True
+    whole = values.dtype.kind in "iu" or bool((values == np.floor(values)).all())
+    return whole and bool(values.min() >= 0) and bool(values.max() < end)
+
+
+def _check(entry: Any) -> FileCheck:
+    """A length, or a length and a checksum."""
+    values: list[Any] = entry if isinstance(entry, list) else [entry]
+    _expect(1 <= len(values) <= 2 and all(_count(value) for value in values), "it does not say what its files are")
+    return FileCheck(size=values[0], checksum=values[1] if len(values) > 1 else None)
+
+
+def _text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _fields(value: Any) -> bool:
+    return isinstance(value, Mapping)
+
+
+def _number(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) < 1e300 and math.isfinite(value)
+
+
+def _count(value: Any) -> bool:
+    return type(value) is int and 0 <= value < _MOST_ROWS
+
+
+def _expect(fine: bool, fault: str) -> None:
+    if not fine:
+        raise ValueError(fault)

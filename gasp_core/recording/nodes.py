@@ -1,0 +1,141 @@
+"""Metadata of a recording: ``zarr.json`` of groups and arrays, read with bounds and written with a seal.
+
+A seal is the checksum of all bytes before it, the last attribute of a node. So a node says of itself whether it is
+whole: a commit, the header, the status.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gasp_core.errors import RecordingError
+from gasp_core.recording.durable import replace_file
+from gasp_core.recording.files import checksum, read_file
+
+__all__ = ["GROUP", "MOST_BYTES", "group", "parsed", "read_attributes", "read_node", "sealed", "whole"]
+__all__ += ["write_attributes"]
+
+Node = dict[str, Any]
+
+MOST_BYTES = 8 << 20
+"""Of a node: the header of a scene of a thousand objects has two million."""
+GROUP = frozenset({"zarr_format", "node_type", "attributes"})
+"""All that a group has. Consolidated metadata, which would speak for others, are none of it."""
+_DEEPEST = 16
+"""Lists within lists; today's nodes have eight."""
+_STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*"')
+_NO_BRACKET = re.compile(rb"[^][{}]+")
+_TAIL = b'"}}'
+_SEAL = 8 + len(_TAIL)
+
+
+def group(attributes: Mapping[str, Any]) -> Node:
+    """The node of a Zarr group of these attributes."""
+    return {"zarr_format": 3, "node_type": "group", "attributes": attributes}
+
+
+def sealed(node: Mapping[str, Any]) -> bytes:
+    """A node as the bytes of a ``zarr.json`` that ends with its seal."""
+    attributes = {name: value for name, value in node["attributes"].items() if name != "checksum"}
+    others = {name: value for name, value in node.items() if name != "attributes"}
+    content = json.dumps({**others, "attributes": {**attributes, "checksum": "0" * 8}}, allow_nan=False).encode()
+    before = content[:-_SEAL]
+    return before + f"{checksum(before):08x}".encode() + _TAIL
+
+
+def whole(content: bytes) -> bool:
+    """Whether a node's seal is that of its bytes."""
+    before, seal = content[:-_SEAL], content[-_SEAL:]
+    return seal == f"{checksum(before):08x}".encode() + _TAIL
+
+
+def parsed(root: Path, key: str, content: bytes) -> Node:
+    """A node from its bytes.
+
+    Raises
+    ------
+    RecordingError
+        Where it is none, or deeper than any that was written.
+    """
+    try:
+        node: Any = json.loads(content, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError):
+        node = None
+    if (
+        not isinstance(node, dict)
+        or _depth(content) > _DEEPEST
+        or node.get("zarr_format") != 3
+        or not isinstance(node.get("attributes"), dict)
+        or (node.get("node_type") == "group" and node.keys() != GROUP)
+    ):
+        raise RecordingError(f"{root}: {key} is damaged: it is no metadata that GASP writes")
+    return node
+
+
+def read_node(root: Path, key: str, most: int = MOST_BYTES) -> tuple[Node, bytes]:
+    """A node of a recording, and its bytes.
+
+    Raises
+    ------
+    RecordingError
+        Where it is damaged.
+    FileNotFoundError
+        Where there is none.
+    """
+    content = read_file(root, key, most)
+    return parsed(root, key, content), content
+
+
+def read_attributes(root: Path, key: str, most: int = MOST_BYTES, *, seal: bool) -> dict[str, Any]:
+    """Attributes of a group of a recording, less its seal.
+
+    Parameters
+    ----------
+    root, key
+        The recording, and the group's ``zarr.json`` in it.
+    most
+        Bytes that it may have.
+    seal
+        Whether it must have one: from version 6 on.
+
+    Raises
+    ------
+    RecordingError
+        Where it is damaged.
+    FileNotFoundError
+        Where there is none.
+    """
+    node, content = read_node(root, key, most)
+    if (seal or "checksum" in node["attributes"]) and not whole(content):
+        raise RecordingError(f"{root}: {key} is damaged: its checksum is another")
+    if node.get("node_type") != "group":
+        raise RecordingError(f"{root}: {key} is damaged: it is no group")
+    attributes: dict[str, Any] = node["attributes"]
+    attributes.pop("checksum", None)
+    return attributes
+
+
+def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
+    """Make a folder a Zarr group of these attributes, sealed, in one step."""
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(folder / "zarr.json", sealed(group(attributes)))
+
+
+def _depth(content: bytes) -> int:
+    """Lists and objects within each other, of a JSON text that is valid."""
+    deepest = depth = 0
+    for bracket in _NO_BRACKET.sub(b"", _STRING.sub(b"", content)):
+        if bracket in b"[{":
+            depth += 1
+            deepest = max(deepest, depth)
+        else:
+            depth -= 1
+    return deepest
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")

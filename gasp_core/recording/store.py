@@ -1,0 +1,273 @@
+"""The files of a recording by what they are: arrays that are written once, and those of its frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RecordingError, SplatFormatError
+from gasp_core.gaussians import Gaussians
+from gasp_core.io.memory_limit import refuse_too_large
+from gasp_core.recording.arrays import ArrayNode, chunk_key, decoded, usual_chunks
+from gasp_core.recording.files import FileCheck, files_below, is_folder, read_checked, read_file
+from gasp_core.recording.layout import Header
+from gasp_core.recording.nodes import MOST_BYTES, parsed, read_node, whole
+
+__all__ = ["Store"]
+
+Array = NDArray[Any]
+
+_NEVER_ZERO = ("quaternions", "scales", "opacities", "moving", "magnification", "weights")
+"""Arrays of which no chunk is all zeros. Before version 6 such a chunk had no file: a lost one looks the same."""
+_WIDEST = 12
+"""Values in a row of a carrier: the corners of a core."""
+_SPARE = 64
+"""Bytes that packing may add to a chunk, and a share of it in `_longest`."""
+
+
+class Store:
+    """The arrays of a recording, each checked against what the header says before it is unpacked."""
+
+    def __init__(self, root: Path, header: Header) -> None:
+        self._root = root
+        self._header = header
+        self._files = {key: FileCheck(size=size, checksum=found) for key, (size, found) in header.files.items()}
+
+    @property
+    def files(self) -> Mapping[str, FileCheck]:
+        """What every file must be that was written once; empty before version 6."""
+        return self._files
+
+    @property
+    def rows(self) -> int:
+        """Drawn Gaussians."""
+        return self._header.objects[-1].last
+
+    @property
+    def points(self) -> int:
+        """The engine's points."""
+        return self._header.bodies[-1].last
+
+    def _names(self, folder: str) -> list[str]:
+        """Arrays below a folder, by their path from there."""
+        if self._files:
+            nodes = [key for key in self._files if key.startswith(f"{folder}/") and key.endswith("/zarr.json")]
+        else:
+            nodes = [key for key, _ in files_below(self._root, folder) if key.endswith("/zarr.json")]
+        kinds = {key: self._node_of(key).get("node_type") for key in nodes}
+        return [key[len(folder) + 1 : -len("/zarr.json")] for key in nodes if kinds[key] == "array"]
+
+    def has(self, name: str) -> bool:
+        """Whether there is an array, of those that are written once."""
+        key = f"{name}/zarr.json"
+        return key in self._files if self._files else is_folder(self._root, name)
+
+    def array(self, name: str, shape: Sequence[int | None], kinds: str) -> Array:
+        """An array that was written once.
+
+        Parameters
+        ----------
+        name
+            Its path.
+        shape
+            That it must have; None: any length.
+        kinds
+            Letters of NumPy's kinds of types that it may be of.
+
+        Raises
+        ------
+        RecordingError
+            Where it, or a file of it, is missing or damaged.
+        """
+        node = self._node(name)
+        fits = len(node.shape) == len(shape) and all(want in (None, own) for own, want in zip(node.shape, shape))
+        if not fits or node.dtype.kind not in kinds:
+            told = " x ".join("any" if length is None else str(length) for length in shape)
+            raise RecordingError(
+                f"{self._root}: {name} is damaged: it is {node.dtype.name} of shape {node.shape}, expected {told}"
+            )
+        return self._values(name, node)
+
+    def carrier(self, index: int, rows: int) -> dict[str, Array]:
+        """The arrays of a body of so many rows, by their names; see `gasp_core.recording.checks.check_carrier`.
+
+        Raises
+        ------
+        RecordingError
+            Where one is missing, damaged, or larger than any of so many rows.
+        """
+        found: dict[str, Array] = {}
+        for name in self._names(f"bodies/{index}"):
+            path = f"bodies/{index}/{name}"
+            node = self._node(path)
+            if node.shape[0] > rows or math.prod(node.shape[1:]) > _WIDEST:
+                raise RecordingError(f"{self._root}: {path} is damaged: {node.shape} is more than its body has")
+            found[name] = self._values(path, node)
+        return found
+
+    def _values(self, name: str, node: ArrayNode) -> Array:
+        _ = self._honest
+        if node.chunks != usual_chunks(node.shape):
+            raise RecordingError(f"{self._root}: {name} is damaged: it is in chunks of {node.chunks}")
+        contents = {place: self._chunk(name, place, node) for place in node.places()}
+        values = np.zeros(node.shape, dtype=node.dtype)
+        for place, content in contents.items():
+            if content is not None:
+                rows = node.slices(place)
+                chunk = self._unpacked(content, f"{name}/{chunk_key(place)}", node)
+                values[rows] = chunk[tuple(slice(0, part.stop - part.start) for part in rows)]
+        if node.dtype.kind == "f" and not np.isfinite(values).all():
+            raise RecordingError(f"{self._root}: {name} is damaged: it is not finite")
+        return values
+
+    def reference(self) -> Gaussians:
+        """The drawn scene at rest.
+
+        Raises
+        ------
+        RecordingError
+            Where it is damaged, or larger than its files can mean.
+        """
+        count = self.rows
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "means": (count, 3),
+            "quaternions": (count, 4),
+            "scales": (count, 3),
+            "opacities": (count,),
+            "harmonics": (count, None, 3),
+        }
+        arrays = {name: self.array(f"reference/{name}", shape, "f") for name, shape in shapes.items()}
+        try:
+            return Gaussians(**arrays)
+        except SplatFormatError as error:
+            raise RecordingError(f"{self._root}: reference is damaged: {error}") from None
+
+    def frame(self, name: str, number: int, check: FileCheck, rows: int | None) -> Array:
+        """What a frame has in an array of frames, (rows, 3) float32.
+
+        Parameters
+        ----------
+        name
+            Of the array.
+        number
+            Of the frame.
+        check
+            What its commit says of its chunk.
+        rows
+            That it must have; None: at most as many as there are corners.
+
+        Raises
+        ------
+        RecordingError
+            Where its chunk is missing or damaged.
+        """
+        _ = self._honest
+        node = self.frame_node(name)
+        own = node.shape[1]
+        if number >= node.shape[0] or (own != rows if rows is not None else own > 4 * self.rows):
+            raise RecordingError(f"{self._root}: frames/{name} is damaged: it has the shape {node.shape}")
+        key = f"frames/{name}/{chunk_key((number, 0, 0))}"
+        if check.size == 0 and not self._files:
+            # Before version 6 a chunk of zeros had no file.
+            return np.zeros((own, 3), dtype=np.float32)
+        values = self._unpacked(read_checked(self._root, key, check), key, node)[0]
+        if not np.isfinite(values).all():
+            raise RecordingError(f"{self._root}: {key} is damaged: it is not finite")
+        return values
+
+    def frame_node(self, name: str) -> ArrayNode:
+        """Shape and chunks of an array of frames.
+
+        Raises
+        ------
+        RecordingError
+            Where its metadata are missing or damaged.
+        """
+        key = f"frames/{name}/zarr.json"
+        try:
+            found, content = read_node(self._root, key)
+        except FileNotFoundError:
+            raise RecordingError(f"{self._root}: {key} is damaged: it is missing") from None
+        if self._files and not whole(content):
+            raise RecordingError(f"{self._root}: {key} is damaged: its checksum is another")
+        node = self._array_node(key, found)
+        if node.dtype.name != "float32" or len(node.shape) != 3 or node.chunks != (1, *node.shape[1:]):
+            raise RecordingError(f"{self._root}: {key} is damaged: it is no array of frames")
+        return node
+
+    @cached_property
+    def _honest(self) -> bool:
+        """Asked before anything is unpacked: whether there can be as many Gaussians as the header declares.
+
+        All else is bounded by their number.
+        """
+        shape = self._node("reference/harmonics").shape
+        try:
+            refuse_too_large(self._root, sum(map(self._size, self._reference_files())), self.rows, math.prod(shape[1:]))
+        except SplatFormatError as error:
+            raise RecordingError(str(error)) from None
+        return True
+
+    def frame_names(self) -> list[str]:
+        """Arrays that every frame has a chunk of."""
+        return [name for name in ("displacements", "velocities", "drifts") if is_folder(self._root, f"frames/{name}")]
+
+    def _node(self, name: str) -> ArrayNode:
+        key = f"{name}/zarr.json"
+        return self._array_node(key, self._node_of(key))
+
+    def _array_node(self, key: str, node: Mapping[str, Any]) -> ArrayNode:
+        try:
+            return ArrayNode.of(node)
+        except ValueError as error:
+            raise RecordingError(f"{self._root}: {key} is damaged: {error}") from None
+
+    def _node_of(self, key: str) -> dict[str, Any]:
+        return parsed(self._root, key, self._read(key, MOST_BYTES))
+
+    def _read(self, key: str, most: int) -> bytes:
+        """A file that was written once."""
+        if self._files:
+            if key not in self._files:
+                raise RecordingError(f"{self._root}: {key} is damaged: the header does not know it")
+            if self._files[key].size > most:
+                raise RecordingError(f"{self._root}: {key} is damaged: it is longer than it can be")
+            return read_checked(self._root, key, self._files[key])
+        try:
+            return read_file(self._root, key, most)
+        except FileNotFoundError:
+            raise RecordingError(f"{self._root}: {key} is damaged: it is missing") from None
+
+    def _chunk(self, name: str, place: tuple[int, ...], node: ArrayNode) -> bytes | None:
+        """The content of a chunk's file; None where, before version 6, it is all zeros."""
+        key = f"{name}/{chunk_key(place)}"
+        most = node.chunk_size + node.chunk_size // _SPARE + 1024
+        if self._files or name.rpartition("/")[2] in _NEVER_ZERO or self._exists(key):
+            return self._read(key, most)
+        return None
+
+    def _exists(self, key: str) -> bool:
+        return (self._root / key).exists() or (self._root / key).is_symlink()
+
+    def _unpacked(self, content: bytes, key: str, node: ArrayNode) -> Array:
+        try:
+            return decoded(content, node)
+        except ValueError as error:
+            raise RecordingError(f"{self._root}: {key} is damaged: {error}") from None
+
+    def _reference_files(self) -> list[str]:
+        if self._files:
+            return [key for key in self._files if key.startswith("reference/")]
+        return [key for key, regular in files_below(self._root, "reference") if regular]
+
+    def _size(self, key: str) -> int:
+        try:
+            return (self._root / key).lstat().st_size
+        except OSError:
+            return 0
