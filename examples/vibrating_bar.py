@@ -1,8 +1,8 @@
 """A free bar that swings along itself, and where each of its points is at any time: something to measure engines by.
 
     python examples/vibrating_bar.py                 writes bar.ply, the splat of vibrating_bar.toml
-    gasp run examples/vibrating_bar.toml
-    gasp tradeoff examples/vibrating_bar.toml --truth examples/vibrating_bar.py:position
+    gasp run examples/vibrating_bar.toml --trust-code
+    gasp tradeoff examples/vibrating_bar.toml --trust-code --truth examples/vibrating_bar.py:position
 
 A bar of length L, free at both ends, without lateral contraction (Poisson's ratio 0), whose points start with the
 velocity V cos(pi X / L), swings in its first longitudinal mode. For small amplitudes, and exactly for a fixed-corotated
@@ -63,4 +63,4 @@ if __name__ == "__main__":
 
     path = Path(__file__).with_name("bar.ply")
     gasp.write_splat(path, make_bar())
-    print(f"wrote {path}; now: gasp run {path.with_name('vibrating_bar.toml')}")
+    print(f"wrote {path}; now: gasp run {path.with_name('vibrating_bar.toml')} --trust-code")

@@ -11,6 +11,7 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.settings import Settings, settings_options
+from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
 if TYPE_CHECKING:
     from gasp_core.studies.comparison import Comparison, Pair, Row
@@ -54,6 +55,7 @@ Open comparison.html in a browser: tables, films side by side, plots.
 )
 @click.option("--size", type=Size(), default="480x360", show_default=True, help="Of a film, in pixels.")
 @most_memory_option
+@trust_code_option
 @click.option("--overwrite", is_flag=True, help="Replace a comparison that is there already.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and no progress.")
 def compare(
@@ -65,6 +67,7 @@ def compare(
     time_limit: float | None,
     size: tuple[int, int],
     overwrite: bool,
+    trust_code: bool,
     as_json: bool,
 ) -> None:
     """Run a scene with several engines and show how far apart they are.
@@ -77,9 +80,11 @@ def compare(
     from gasp_core.errors import AccuracyError
 
     folder = Path(scene.stem + ".compare") if out is None else out
+    loaded = settings.applied(load_scene(scene))
+    trusted = code_is_trusted(loaded, trust_code)
     try:
         found = carry_out(
-            settings.applied(load_scene(scene)),
+            loaded,
             None if engines is None else [name.strip() for name in engines.split(",") if name.strip()],
             folder,
             name=scene.stem,
@@ -89,6 +94,7 @@ def compare(
             time_limit=time_limit,
             size=size,
             overwrite=overwrite,
+            trust_code=trusted,
             progress=False if as_json else None,
         )
     except KeyboardInterrupt:

@@ -90,7 +90,9 @@ def _message(error: Exception) -> str:
 
 
 def _complain(message: str, status: int) -> int:
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(message.split()))
+    from gasp_core.cli.printing import printable
+
+    line = printable(" ".join(message.split()))
     with contextlib.suppress(OSError):
         print(f"gasp: {line}", file=sys.stderr, flush=True)
     # What stdout still holds must not fail a second time when the interpreter ends.

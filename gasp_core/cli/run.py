@@ -15,6 +15,7 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
 from gasp_core.cli.settings import Settings, settings_options
+from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
@@ -76,6 +77,7 @@ Examples:
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
 @most_memory_option
+@trust_code_option
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
 def run(
     scene: Path,
@@ -86,6 +88,7 @@ def run(
     frames: int | None,
     isolate: bool,
     overwrite: bool,
+    trust_code: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
     as_json: bool,
@@ -106,9 +109,12 @@ def run(
         command.append("--isolate")
     if out is not None:
         command += ["--out", str(out)]
+    if trust_code:
+        command.append("--trust-code")
     for path in films:
         command += ["--render", str(path)]
     loaded = settings.applied(load_scene(scene))
+    trusted = code_is_trusted(loaded, trust_code)
     with resumable(folder, command):
         with filmed(folder, loaded, films, size, frames) as recorded:
             recording = simulate(
@@ -121,6 +127,7 @@ def run(
                 frames=frames,
                 overwrite=overwrite,
                 isolate=isolate or None,
+                trust_code=trusted,
                 progress=False if as_json else None,
                 recorded=recorded,
             )

@@ -11,6 +11,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.settings import PRECISIONS, device_option, share
+from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
 if TYPE_CHECKING:
     from gasp_core.studies.tradeoff import Tradeoff
@@ -120,6 +121,7 @@ FRONT marks the settings that no other one beats in both error and time.
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Of the order of the runs.")
 @click.option("--time-limit", metavar="SECONDS", type=click.FloatRange(min=0, min_open=True), help="Of each run.")
 @most_memory_option
+@trust_code_option
 @click.option("--keep", is_flag=True, help="Keep a recording of each setting, and the truth's.")
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there already.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and no progress.")
@@ -138,6 +140,7 @@ def tradeoff(
     time_limit: float | None,
     keep: bool,
     overwrite: bool,
+    trust_code: bool,
     as_json: bool,
 ) -> None:
     """Measure error against time, and say which settings are worth it.
@@ -156,6 +159,7 @@ def tradeoff(
     if resolutions is None and loaded.accuracy.spacing is not None:
         raise click.UsageError("the scene names a spacing, which fixes its resolution: say --resolutions")
     folder = out if out is not None else Path(scene.stem + ".tradeoff")
+    trusted = code_is_trusted(loaded, trust_code)
     result = measured(
         loaded,
         grid(
@@ -173,6 +177,7 @@ def tradeoff(
         seed=seed,
         keep=keep,
         overwrite=overwrite,
+        trust_code=trusted,
         time_limit=time_limit,
         progress=False if as_json else None,
     )

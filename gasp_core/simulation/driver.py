@@ -34,6 +34,7 @@ from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body
 from gasp_core.scene.model import Scene, engine_notes
+from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.simulation.engine_choice import ChosenEngine, choose_engine
 from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
@@ -56,6 +57,7 @@ def simulate(
     frames: int | None = None,
     overwrite: bool = False,
     isolate: bool | None = None,
+    trust_code: bool = False,
     progress: bool | None = None,
     recorded: Callable[[int], None] | None = None,
 ) -> Recording:
@@ -82,6 +84,9 @@ def simulate(
         Replace a recording that is at `out`.
     isolate
         Run the engine in a process of its own; None: as the scene says.
+    trust_code
+        Import the functions that motions of the scene name by text, which is refused otherwise: such code comes with
+        the scene, and runs with your rights. A function that is handed over as an object is your own, and asks nothing.
     progress
         Show a progress bar and notes on stderr; None: where that is a terminal.
     recorded
@@ -102,35 +107,30 @@ def simulate(
     """
     if frames is not None and frames < 1:
         raise SceneError(f"frames must be at least 1, found {frames!r}")
+    refuse_untrusted(scene, trust_code)
     asked = scene
     scene, chosen = choose_engine(scene, engine, isolate, device, precision)
     options = build_options(chosen.descriptor, scene.engine.options)
-    prepared = prepare(scene)
-    wanted = scene.frame_count
-    names = [body.name for body in prepared.assembly.bodies]
-    check_supported(
-        prepared.assembly.problem,
-        chosen.descriptor,
-        device=scene.engine.device,
-        precision=scene.engine.precision,
-        fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
-        body_names=names,
-        others=discover().engines.values(),
-    )
-    header = header_of(scene, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     path = _temporary() if out is None else Path(out)
+    found = Recording.open(path) if resume and (path / "zarr.json").exists() else None
+    if found is None:
+        refuse_existing(path, overwrite)
+    if code_of(scene):
+        # Whoever's code it is, it is not imported for a scene that is refused for something else.
+        _check_supported(without_code(scene), chosen)
+    prepared = _check_supported(scene, chosen)
+    wanted = scene.frame_count
+    header = header_of(scene, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
             shown.say(note)
         end = wanted if frames is None else min(frames, wanted)
-        if resume and (path / "zarr.json").exists():
-            found = Recording.open(path)
+        if found is not None:
             refuse_other(found, header, chosen.descriptor, options)
             writer, last, restart = RecordingWriter.resume(found, wanted)
             opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
         else:
-            refuse_existing(path, overwrite)
             # Opened before anything is written: what the engine refuses leaves nothing behind.
             opening = partial(_opened, scene, prepared.assembly, chosen, options, {})
             begun = opening() if end > 1 else nullcontext()
@@ -143,6 +143,21 @@ def simulate(
             finally:
                 writer.close()
     return Recording.open(path)
+
+
+def _check_supported(scene: Scene, chosen: ChosenEngine) -> Prepared:
+    """Read a scene and refuse what its engine does not declare."""
+    prepared = prepare(scene)
+    check_supported(
+        prepared.assembly.problem,
+        chosen.descriptor,
+        device=scene.engine.device,
+        precision=scene.engine.precision,
+        fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
+        body_names=[body.name for body in prepared.assembly.bodies],
+        others=discover().engines.values(),
+    )
+    return prepared
 
 
 def _drawn(objects: Sequence[PlacedObject]) -> Gaussians:

@@ -31,7 +31,7 @@ def scene(workplace):
 
 def test_a_function_beside_the_scene(gasp, workplace, scene, toy):
     (workplace / "sway.py").write_text(SWAY)
-    assert gasp("run", scene(SWAYING)).status == 0
+    assert gasp("run", scene(SWAYING), "--trust-code").status == 0
     assert gasp("run", "scene.toml").status == 0
     moved, still = (Recording.open(workplace / name) for name in ("moving.gasp", "scene.gasp"))
     # The toy is scaled to 0.3 m and not turned; at frame 2 psi has sheared it by s = 2 * 0.08.
@@ -64,14 +64,14 @@ def test_the_frames_of_a_run_are_a_motion(gasp, workplace, scene):
 )
 def test_a_film_of_it(gasp, workplace, scene):
     (workplace / "sway.py").write_text(SWAY)
-    outcome = gasp("run", scene(SWAYING), "--render", "film.mp4", "--size", "64x48")
+    outcome = gasp("run", scene(SWAYING), "--trust-code", "--render", "film.mp4", "--size", "64x48")
     assert outcome.status == 0
     assert (workplace / "film.mp4").stat().st_size > 0
     assert gasp("render", "moving.gasp", "-o", "sheet.png", "--size", "64x48").status == 0
 
 
 def test_what_cannot_be_played(refused, workplace, scene):
-    refused("run", scene(SWAYING), says=["motion sway:sway", "No module named 'sway'"])
+    refused("run", scene(SWAYING), "--trust-code", says=["motion sway:sway", "No module named 'sway'"])
     refused("run", scene(FRAMES), says=["toy.ply", "is no folder", "a splat for each frame"])
     (workplace / "empty").mkdir()
     refused("run", scene(FRAMES, splat="empty"), says=["empty", "is empty"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 import flying_points
 import numpy as np
@@ -122,10 +123,11 @@ def record(tmp_path, scene_of):
     """Runs an object of a motion with a known engine to TIME."""
     count = iter(range(1000))
 
-    def go(splat, motion, engine=None, **others) -> Recording:
+    def go(splat, motion, engine=None, trust_code=False, **others) -> Recording:
         scene = scene_of(splat, duration=TIME, frame_rate=RATE, motion=motion, gravity=(0, 0, 0), **others)
         chosen = (flying_points.descriptor(checkpoints=False, fields=frozenset()), engine or Known())
-        return simulate(scene, engine=chosen, out=tmp_path / f"{next(count)}.gasp", progress=False)
+        out = tmp_path / f"{next(count)}.gasp"
+        return simulate(scene, engine=chosen, out=out, trust_code=trust_code, progress=False)
 
     return go
 
@@ -514,7 +516,7 @@ def test_functions_that_go_wrong_say_when_and_the_frames_are_kept(record, tmp_pa
 )
 def test_functions_that_are_not_there(record, cloud, text, said):
     with pytest.raises(SceneError, match=said):
-        record(cloud(), PythonMotion(function=text))
+        record(cloud(), PythonMotion(function=text), trust_code=True)
 
 
 def test_a_function_may_work_in_place_and_give_the_same_array_again(record, cloud):
@@ -555,14 +557,15 @@ def sway(points, s):
     "reduction", [pytest.param(Reduction(), marks=pytest.mark.thorough), CORES], ids=["all", "cores"]
 )
 def test_gone_on_with_it_is_the_run_that_never_stopped(run, scene_of, tmp_path, reduction):
+    trusting = partial(run, trust_code=True)
     module = tmp_path / "sway.py"
     module.write_text(SWAY.format(amount=0.5))
     motion = PythonMotion(function=f"{module}:sway", composition="carried")
     scene = scene_of(motion=motion, reduction=reduction, options={"spin": 2.0})
-    whole = run(scene, tmp_path / "whole.gasp")
-    run(scene, tmp_path / "parts.gasp", frames=4)
+    whole = trusting(scene, tmp_path / "whole.gasp")
+    trusting(scene, tmp_path / "parts.gasp", frames=4)
     longer = dataclasses.replace(scene, duration=scene.duration)
-    parts = run(longer, tmp_path / "parts.gasp", resume=True)
+    parts = trusting(longer, tmp_path / "parts.gasp", resume=True)
     assert (parts.status, parts.frame_count) == ("complete", whole.frame_count)
     for frame in range(whole.frame_count):
         for field in dataclasses.fields(Gaussians):
@@ -571,12 +574,13 @@ def test_gone_on_with_it_is_the_run_that_never_stopped(run, scene_of, tmp_path, 
     # The recording needs the function no more, and another place of it is the same scene.
     moved = tmp_path / "elsewhere.py"
     module.rename(moved)
-    run(dataclasses.replace(scene, objects=(with_function(scene, moved),)), tmp_path / "parts.gasp", resume=True)
+    elsewhere = dataclasses.replace(scene, objects=(with_function(scene, moved),))
+    trusting(elsewhere, tmp_path / "parts.gasp", resume=True)
     assert Recording.open(tmp_path / "whole.gasp").scene.objects[0].motion.composition == "carried"
     assert np.isfinite(Recording.open(tmp_path / "whole.gasp").gaussians(3).means).all()
     moved.write_text(SWAY.format(amount=0.6))
     with pytest.raises(RecordingError, match="has changed since it was recorded"):
-        run(dataclasses.replace(scene, objects=(with_function(scene, moved),)), tmp_path / "parts.gasp", resume=True)
+        trusting(elsewhere, tmp_path / "parts.gasp", resume=True)
 
 
 def with_function(scene, module):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import json
 import platform
@@ -19,6 +20,7 @@ from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import check_size
 from gasp_core.scene.model import Scene
+from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
 from gasp_core.simulation.splat_sources import prepare
 from gasp_core.stepping.threads import processors
 from gasp_core.studies.comparison.curves import RunCurves, curves_of
@@ -46,6 +48,7 @@ def compare(
     time_limit: float | None = None,
     size: tuple[int, int] = (480, 360),
     overwrite: bool = False,
+    trust_code: bool = False,
     progress: bool | None = None,
 ) -> Comparison:
     """Run a scene with several engines, each in a process of its own, and compare what they make of it.
@@ -75,6 +78,8 @@ def compare(
         Of the films and of the pictures that are compared.
     overwrite
         Replace an earlier comparison in `out`.
+    trust_code
+        Import the functions that motions of the scene name by text, see `simulate`.
     progress
         Show bars on stderr; None: where that is a terminal.
 
@@ -89,16 +94,23 @@ def compare(
     RenderingError
         Where no picture can have that size.
     """
+    refuse_untrusted(scene, trust_code)
     names = chosen_engines(engines)
     if resolution is not None:
         scene = scene.with_resolution(resolution)
     # Before anything is started or removed: what is wrong with these is wrong for all.
     check_limits(at_once, time_limit)
     check_size(*size)
-    masses = prepare(scene).assembly.problem.masses
     folder = Path(out)
-    runs = runs_of(scene, names, folder, device=device, precision=precision)
-    _make_room(folder, names, overwrite)
+    earlier = _in_the_way(folder, names, overwrite)
+    if code_of(scene):
+        prepare(without_code(scene))
+    masses = prepare(scene).assembly.problem.masses
+    runs = [
+        dataclasses.replace(run, trust_code=trust_code)
+        for run in runs_of(scene, names, folder, device=device, precision=precision)
+    ]
+    _make_room(earlier)
     outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, progress=progress)
     recordings = {
         outcome.key: Recording.open(outcome.recording)
@@ -165,8 +177,8 @@ def _pairs(
     return tuple(found)
 
 
-def _make_room(folder: Path, names: Sequence[str], overwrite: bool) -> None:
-    """Remove what an earlier comparison left under the names of this one, or refuse to."""
+def _in_the_way(folder: Path, names: Sequence[str], overwrite: bool) -> list[Path]:
+    """What an earlier comparison left under the names of this one; refused where it is to stay, or somebody else's."""
     report = folder / _REPORT
     earlier = [*names, *(_engines_of(report) if overwrite else [])]
     taken = [report, report.with_suffix(".html")]
@@ -179,9 +191,15 @@ def _make_room(folder: Path, names: Sequence[str], overwrite: bool) -> None:
     for path in there:
         if path.suffix == ".gasp":
             Recording.open(path)  # somebody else's folder is none
-            shutil.rmtree(path)
         elif path.is_dir():
             raise RecordingError(f"{path}: is a folder, a comparison writes a file there: choose another --out")
+    return there
+
+
+def _make_room(there: Sequence[Path]) -> None:
+    for path in there:
+        if path.is_dir():
+            shutil.rmtree(path)
         else:
             path.unlink()
 

@@ -85,7 +85,9 @@ def _carried_out(run: Run, stamps: _Stamps) -> tuple[RunStatus, str]:
     from gasp_core.simulation import simulate
 
     try:
-        recording = simulate(run.scene, out=run.out, frames=run.frames, progress=False, recorded=stamps)
+        recording = simulate(
+            run.scene, out=run.out, frames=run.frames, trust_code=run.trust_code, progress=False, recorded=stamps
+        )
     except (
         errors.UnsupportedSceneError,
         errors.UnknownEngineError,

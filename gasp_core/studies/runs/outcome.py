@@ -27,12 +27,15 @@ class Run:
         Folder of the recording; nothing may be there yet.
     frames
         Stop once there are so many, the one at time 0 included; None: all of the scene's.
+    trust_code
+        As for `simulate`.
     """
 
     key: str
     scene: Scene
     out: Path
     frames: int | None = None
+    trust_code: bool = False
 
 
 class RunStatus(Enum):

@@ -15,6 +15,7 @@ from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
 from gasp_core.scene.model import Scene, engine_notes
+from gasp_core.scene.named_code import refuse_untrusted
 from gasp_core.studies.tradeoff.machine import load, machine
 from gasp_core.studies.tradeoff.measuring import measure
 from gasp_core.studies.tradeoff.plot import pictures
@@ -42,6 +43,7 @@ def tradeoff(
     seed: int = 0,
     keep: bool = False,
     overwrite: bool = False,
+    trust_code: bool = False,
     time_limit: float | None = None,
     progress: bool | None = None,
 ) -> Tradeoff:
@@ -69,6 +71,8 @@ def tradeoff(
         Keep the recordings of the truth and of one run of each setting, in `out`/recordings.
     overwrite
         Replace a result that is at `out`.
+    trust_code
+        Import the functions that motions of the scene name by text, see `simulate`.
     time_limit
         Wall time [s] of each run after which it is given up; None: none.
     progress
@@ -83,6 +87,7 @@ def tradeoff(
     RecordingError
         Where there is a result at `out` already.
     """
+    refuse_untrusted(scene, trust_code)
     if not settings:
         raise AccuracyError("no settings are named: there is nothing to measure")
     if repeats < 1:
@@ -98,7 +103,12 @@ def tradeoff(
         total = (0 if truth is not None else RUNS) + len(settings) * (1 + repeats)
         with counting(progress, "runs", total) as counted:
             measured_by = truth or refine(
-                scene, steps, recordings / _TRUTH, time_limit=time_limit, finished=lambda outcome: counted()
+                scene,
+                steps,
+                recordings / _TRUTH,
+                trust_code=trust_code,
+                time_limit=time_limit,
+                finished=lambda outcome: counted(),
             )
             found = measure(
                 scene,
@@ -108,6 +118,7 @@ def tradeoff(
                 repeats=repeats,
                 seed=seed,
                 keep=keep,
+                trust_code=trust_code,
                 time_limit=time_limit,
                 finished=counted,
             )

@@ -67,6 +67,7 @@ def measure(
     repeats: int,
     seed: int,
     keep: bool,
+    trust_code: bool,
     time_limit: float | None,
     finished: Callable[[], None],
 ) -> list[Measurement]:
@@ -84,6 +85,8 @@ def measure(
         Timed runs of each setting, at least 1.
     seed
         Of the orders.
+    trust_code
+        As for `simulate`.
     time_limit
         Wall time [s] of each run; None: none.
     finished
@@ -106,6 +109,7 @@ def measure(
                 key=left[index].setting.key,
                 scene=scene_with(scene, left[index].setting),
                 out=folder / f"{left[index].setting.key}{label}.gasp",
+                trust_code=trust_code,
             )
             for index in generator.permutation(len(left))
         ]

@@ -56,6 +56,7 @@ def refine(
     steps: Sequence[Setting],
     folder: Path,
     *,
+    trust_code: bool,
     time_limit: float | None,
     finished: Callable[[Outcome], None],
 ) -> Refined:
@@ -66,7 +67,10 @@ def refine(
     AccuracyError
         Where one of them did not complete: nothing could be measured by it.
     """
-    runs = [Run(key=step.key, scene=scene_with(scene, step), out=folder / f"{step.key}.gasp") for step in steps]
+    runs = [
+        Run(key=step.key, scene=scene_with(scene, step), out=folder / f"{step.key}.gasp", trust_code=trust_code)
+        for step in steps
+    ]
     outcomes = carry_out(runs, time_limit=time_limit, finished=finished)
     for step, outcome in zip(steps, outcomes):
         if outcome.ending is not RunStatus.COMPLETE:
