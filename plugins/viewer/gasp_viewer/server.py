@@ -13,6 +13,7 @@ import rich
 import viser
 
 from gasp_core.errors import RenderingError
+from gasp_viewer.own_page import Served, answering_own_page
 
 __all__ = ["free_port", "is_loopback", "page_address", "serving"]
 
@@ -67,7 +68,7 @@ def page_address(host: str, port: int) -> str:
 
 @contextmanager
 def serving(host: str, port: int, title: str) -> Generator[viser.ViserServer]:
-    """A server on a host and port that are free; stopped at the end."""
+    """A server on a host and port that are free, which answers its own page alone; stopped at the end."""
     console = rich.get_console()
     was_quiet = console.quiet
     # Browsers come and go in the middle of a message; that is their business and not an error to be printed.
@@ -75,12 +76,16 @@ def serving(host: str, port: int, title: str) -> Generator[viser.ViserServer]:
     # viser announces its address, every stop and more on the shared console.
     console.quiet = True
     try:
-        server = _LocalServer(host=host, port=port, label=title, verbose=False)
+        served = Served.by(host, [address for _, (address, _) in _addresses(host, port)])
+        server: viser.ViserServer | None = None
         try:
+            with answering_own_page(served):
+                server = _LocalServer(host=host, port=port, label=title, verbose=False)
             server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
             yield server
         finally:
-            server.stop()
+            if server is not None:
+                server.stop()
     finally:
         console.quiet = was_quiet
 
