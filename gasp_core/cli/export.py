@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from gasp_core.errors import RecordingError
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
 
-__all__ = ["SUFFIXES", "export", "export_frames"]
+__all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
 
 SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
 
@@ -49,7 +49,8 @@ Examples:
 def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | None) -> None:
     """Write the frames of a run as splat files.
 
-    RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has.
+    RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has. Frames that are damaged
+    are named and left out; the exit status is 1 then.
     """
     if every == (frame is not None):
         raise click.UsageError("say either --frame K or --all")
@@ -71,20 +72,29 @@ def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | N
         click.echo(path)
     else:
         folder = out if out is not None else Path(f"{stem}_frames")
-        paths = export_frames(recording, range(recording.frame_count), folder, stem=stem, suffix=SUFFIXES[suffix])
+        frames = sorted({*range(recording.frame_count), *recording.lost, *recording.torn})
+        paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix])
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
+        leave_out(damaged)
 
 
-def export_frames(recording: Recording, frames: Iterable[int], folder: Path, *, stem: str, suffix: str) -> list[Path]:
+def export_frames(
+    recording: Recording, frames: Iterable[int], folder: Path, *, stem: str, suffix: str
+) -> tuple[list[Path], list[str]]:
     """Write frames as files ``stem_0000.suffix`` into a folder, which is made.
 
-    Where one cannot be written, those before it are taken away again: half a film under the names of a whole one
-    misleads.
+    Frames that are damaged are left out. Where a file cannot be written, those before it are taken away again: half a
+    film under the names of a whole one misleads.
+
+    Returns
+    -------
+    paths, damaged
+        What was written, and a line for every frame that was not.
 
     Raises
     ------
     RecordingError, SplatFormatError
-        Where the folder cannot be made, a frame cannot be read or a file cannot be written.
+        Where the folder cannot be made, no frame can be read, or a file cannot be written.
     """
     from gasp_core.io import write_splat
 
@@ -94,11 +104,19 @@ def export_frames(recording: Recording, frames: Iterable[int], folder: Path, *, 
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be made a folder ({error.strerror}): choose another --out") from error
     paths: list[Path] = []
+    damaged: list[str] = []
     try:
         for frame in frames:
+            try:
+                gaussians = recording.gaussians(frame)
+            except RecordingError as error:
+                damaged.append(str(error))
+                continue
             path = folder / f"{stem}_{frame:04d}{suffix}"
-            write_splat(path, recording.gaussians(frame))
+            write_splat(path, gaussians)
             paths.append(path)
+        if not paths:
+            raise RecordingError(f"{damaged[0]}; no frame can be read")
     except BaseException:
         for path in paths:
             path.unlink(missing_ok=True)
@@ -106,4 +124,14 @@ def export_frames(recording: Recording, frames: Iterable[int], folder: Path, *, 
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise
-    return paths
+    return paths, damaged
+
+
+def leave_out(damaged: Sequence[str]) -> None:
+    """Name what was left out, on stderr, and end with the status of something damaged."""
+    from gasp_core.cli.verify import DAMAGED
+
+    for line in damaged:
+        click.echo(f"gasp: {line}; left out", err=True)
+    if damaged:
+        click.get_current_context().exit(DAMAGED)

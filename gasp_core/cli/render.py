@@ -81,18 +81,20 @@ def render(
     """Show a run as a film, pictures, or a sheet of key frames.
 
     RUN is the folder that "gasp run" wrote, finished or not, or a splat file. Without a camera, the whole motion is in
-    the picture. Colliders are drawn too.
+    the picture. Colliders are drawn too. Frames that are damaged are named and left out; the exit status is 1 then.
     """
     choice = _choice(camera, position, target)
+    from gasp_core.cli.export import leave_out
     from gasp_core.rendering import filming
 
+    good, damaged = (None, []) if frame is not None else _whole_frames(run)
     paths = outs or (default_output(run, one=frame is not None and not turntable),)
     filming.render(
         run,
         *paths,
         size=size,
         camera=choice,
-        frames=None if frame is None else [frame],
+        frames=good if frame is None else [frame],
         turntable=turntable,
         slower=slower,
         background=background,
@@ -101,12 +103,28 @@ def render(
     )
     for path in paths:
         click.echo(path)
+    leave_out(damaged)
 
 
 def default_output(run: Path, *, one: bool) -> Path:
     """Beside where one stands: a film of a recording, a picture of a splat file or of one frame."""
     recording = run.suffix == ".gasp" or (run / "zarr.json").exists()
     return Path(run.resolve().stem + (".mp4" if recording and not one else ".png"))
+
+
+def _whole_frames(run: Path) -> tuple[list[int] | None, list[str]]:
+    """Frames to show, and a line for every one that is damaged; None: all there are."""
+    if not (run / "zarr.json").exists():
+        return None, []
+    from gasp_core.recording import Recording
+    from gasp_core.recording.verifying import readable_frames
+
+    recording = Recording.open(run)
+    good, faults = readable_frames(recording)
+    told = [f"{run}: frame {frame}: {found[0]}" for frame, found in faults.items()]
+    if faults and not good:
+        raise RenderingError(f"{told[0]}; no frame can be read")
+    return (list(good), told) if faults else (None, [])
 
 
 def _choice(

@@ -82,8 +82,9 @@ def load_checkpoint(root: Path, frame: int, *, sealed: bool) -> dict[str, Array]
         else:
             size, found_checksum = found["attributes"]["files"][_CHUNK]
             packed = read_checked(root, chunk, FileCheck(size=size, checksum=found_checksum))
-    except FileNotFoundError:
-        raise RecordingError(f"{root}: {folder} is damaged: a file of it is missing") from None
+    except FileNotFoundError as error:
+        missing = key if str(error.filename).endswith("zarr.json") else chunk
+        raise RecordingError(f"{root}: {missing} is damaged: it is missing") from None
     except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
         raise RecordingError(f"{root}: {key} is damaged: {_short(error)}") from None
     try:

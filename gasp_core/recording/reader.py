@@ -94,7 +94,9 @@ class Recording:
             state = read_attributes(self.path, "status/zarr.json", seal=bool(self.header.files))
             check_status(state)
         except FileNotFoundError:
-            raise RecordingError(f"{self.path}: has lost its status; its frames can be read all the same") from None
+            raise RecordingError(
+                f"{self.path}: has lost its status (status/zarr.json); its frames can be read all the same"
+            ) from None
         except ValueError as error:
             raise RecordingError(f"{self.path}: status/zarr.json is damaged: {error}") from None
         return state
@@ -250,10 +252,10 @@ class Recording:
         Raises
         ------
         RecordingError
-            Where there is no such frame.
+            Where there is no such frame, or its commit is missing or damaged.
         """
         count = self.frame_count
-        if not 0 <= frame < count:
+        if not 0 <= frame < count and frame not in (*self.lost, *self.torn):
             raise RecordingError(f"{self.path}: has no frame {frame}, its frames are 0 to {count - 1}")
         return self._commits.read(frame)
 

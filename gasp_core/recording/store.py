@@ -45,6 +45,15 @@ class Store:
         return self._files
 
     @property
+    def groups(self) -> list[str]:
+        """Files that are written once and say nothing but that there is a folder."""
+        folders = {key.rpartition("/")[0] for key in self._files}
+        above = {"frames", "commits", "checkpoints"} | {
+            folder[:end] for folder in folders for end, letter in enumerate(folder) if letter == "/"
+        }
+        return [f"{folder}/zarr.json" for folder in sorted(above & folders)]
+
+    @property
     def rows(self) -> int:
         """Drawn Gaussians."""
         return self._header.objects[-1].last
@@ -56,12 +65,10 @@ class Store:
 
     def _names(self, folder: str) -> list[str]:
         """Arrays below a folder, by their path from there."""
-        if self._files:
-            nodes = [key for key in self._files if key.startswith(f"{folder}/") and key.endswith("/zarr.json")]
-        else:
-            nodes = [key for key, _ in files_below(self._root, folder) if key.endswith("/zarr.json")]
-        kinds = {key: self._node_of(key).get("node_type") for key in nodes}
-        return [key[len(folder) + 1 : -len("/zarr.json")] for key in nodes if kinds[key] == "array"]
+        keys = self._files or [key for key, _ in files_below(self._root, folder)]
+        found = sorted({key.rpartition("/")[0] for key in keys if key.startswith(f"{folder}/")})
+        groups = {folder} | {parent.rpartition("/")[0] for parent in found}
+        return [name[len(folder) + 1 :] for name in found if name not in groups]
 
     def has(self, name: str) -> bool:
         """Whether there is an array, of those that are written once."""

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from gasp_core.errors import GaspError, RecordingError
 from gasp_core.recording.arrays import chunk_key, sound
 from gasp_core.recording.checkpoints import load_checkpoint
 from gasp_core.recording.commits import Commits
-from gasp_core.recording.files import files_below, read_checked
+from gasp_core.recording.files import files_below, is_folder, read_checked, read_file
 from gasp_core.recording.layout import commit_key
+from gasp_core.recording.nodes import MOST_BYTES, whole
 from gasp_core.recording.reader import Recording
 from gasp_core.recording.store import Store
 
-__all__ = ["Verdict", "leading_frames", "refuse_damaged", "verify"]
+__all__ = ["Verdict", "leading_frames", "readable_frames", "refuse_damaged", "verify"]
+
+_ANEW = "fetch it again, or run it anew: what is damaged is needed by every frame"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,48 +46,57 @@ class Verdict:
     notes: tuple[str, ...]
 
 
-def verify(recording: Recording) -> Verdict:
+def verify(path: str | Path) -> Verdict:
     """Look at every file of a recording, and read every frame's.
 
     Raises
     ------
     RecordingError
-        Where the folder cannot be looked at.
+        Where it is no recording, one of a newer version, or cannot be looked at.
     """
-    common = [*_faults_of_all(recording)]
-    damaged = list(common)
+    path = Path(path)
+    try:
+        recording = Recording.open(path)
+    except RecordingError as error:
+        if not _lost_its_header(path):
+            raise
+        told = str(error).removeprefix(f"{path}: ")
+        return Verdict(damaged=(told,), readable=(), lost=(), advice=_ANEW, notes=())
+    whole_run = [*_faults_of_all(recording)]
+    # Where the points began is needed to go on, and for nothing that is drawn.
+    common = [fault for fault in whole_run if not fault.startswith("reference/points/")]
+    good, faults = readable_frames(recording)
+    damaged = [*whole_run, *_faults_of_groups(recording), *(fault for found in faults.values() for fault in found)]
     try:
         _ = recording.frames_wanted
     except RecordingError as error:
         damaged.append(_told(recording, error))
-    readable: list[int] = []
-    lost = set(recording.lost)
-    torn = set(recording.torn)
-    for frame in (*range(recording.frame_count), *sorted((lost | torn) - set(range(recording.frame_count)))):
-        faults = [*_faults_of_frame(recording, frame)]
-        damaged += faults
-        if faults:
-            lost.add(frame)
-        elif not common:
-            readable.append(frame)
-    if common:
-        lost |= set(range(recording.frame_count))
     damaged += _faults_of_checkpoints(recording)
     strange = [*_strangers(recording)]
     damaged += [f"{key} is no file of a recording" for key, regular in strange if not regular]
     notes = [f"{key} is not of the recording" for key, regular in strange if regular]
     if not recording.header.files:
         notes.append("it was begun before version 6, which knew no checksums: only frames are checked in full")
-    # A frame whose shapes come from one before it cannot be read without that.
-    readable = [frame for frame in readable if not _leans_on(recording, frame) & lost]
-    lost |= set(range(recording.frame_count)) - set(readable)
+    lost = tuple(range(recording.frame_count)) if common else tuple(faults)
     return Verdict(
-        damaged=tuple(damaged),
-        readable=tuple(readable),
-        lost=tuple(sorted(lost)),
-        advice=_advice(recording, common, lost) if damaged else "",
+        damaged=tuple(dict.fromkeys(damaged)),
+        readable=() if common else good,
+        lost=lost,
+        advice=_advice(bool(common), bool(whole_run), lost) if damaged else "",
         notes=tuple(notes),
     )
+
+
+def readable_frames(recording: Recording) -> tuple[tuple[int, ...], dict[int, list[str]]]:
+    """Frames whose own files are whole, and what is wrong with those of the others, by their number."""
+    numbers = sorted({*range(recording.frame_count), *recording.lost, *recording.torn})
+    faults = {frame: found for frame in numbers if (found := [*_faults_of_frame(recording, frame)])}
+    good = [frame for frame in numbers if frame not in faults]
+    for frame in good if faults else ():
+        # The shapes of simplices without a frame of their own are those of an earlier one.
+        for lost in sorted(_leans_on(recording, frame) & faults.keys()):
+            faults.setdefault(frame, []).append(f"frame {frame} has shapes of frame {lost}, which is damaged")
+    return tuple(frame for frame in good if frame not in faults), dict(sorted(faults.items()))
 
 
 def refuse_damaged(recording: Recording) -> None:
@@ -108,15 +121,14 @@ def leading_frames(recording: Recording) -> int:
 
 def _faults_of_all(recording: Recording) -> Iterator[str]:
     """What is damaged of that which every frame needs."""
-    root, header = recording.path, recording.header
+    store = Store(recording.path, recording.header)
     named = False
-    for key, check in Store(root, header).files.items():
+    for key in sorted(store.files.keys() - set(store.groups)):
         try:
-            read_checked(root, key, check)
+            read_checked(recording.path, key, store.files[key])
         except RecordingError as error:
             named = True
             yield _told(recording, error)
-    store = Store(root, header)
     for name in store.frame_names():
         try:
             store.frame_node(name)
@@ -130,6 +142,16 @@ def _faults_of_all(recording: Recording) -> Iterator[str]:
         try:
             _ = (recording.start_points, recording.bodies)
         except GaspError as error:
+            yield _told(recording, error)
+
+
+def _faults_of_groups(recording: Recording) -> Iterator[str]:
+    """What is damaged that no frame needs: what makes a folder a group to other readers of Zarr."""
+    store = Store(recording.path, recording.header)
+    for key in store.groups:
+        try:
+            read_checked(recording.path, key, store.files[key])
+        except RecordingError as error:
             yield _told(recording, error)
 
 
@@ -182,13 +204,25 @@ def _leans_on(recording: Recording, frame: int) -> set[int]:
     return {last for rows in recording.commit(frame).degenerate for _, last in rows}
 
 
-def _advice(recording: Recording, common: list[str], lost: set[int]) -> str:
-    if common:
-        return "run it anew: what is damaged is needed by every frame"
+def _lost_its_header(path: Path) -> bool:
+    """Whether a folder has all of a recording but a whole header."""
+    if not all(is_folder(path, name) for name in ("reference", "frames", "commits")):
+        return False
+    try:
+        return not whole(read_file(path, "zarr.json", MOST_BYTES))
+    except FileNotFoundError:
+        return True
+
+
+def _advice(anew: bool, ended: bool, lost: tuple[int, ...]) -> str:
+    if anew:
+        return _ANEW
+    if ended:
+        return "gasp export and gasp render do the frames that can be read; the run cannot be gone on with, run it anew"
     if lost:
         return (
             "gasp export and gasp render do the frames that can be read; gasp run --resume, with the scene it was made"
-            f" from, computes again from the last checkpoint before frame {min(lost)}"
+            f" from, computes again from the last checkpoint before frame {lost[0]}"
         )
     return "every frame can be read; gasp run --resume, with the scene it was made from, puts the rest right"
 

@@ -124,7 +124,11 @@ class RecordingWriter:
             writer = cls(path, found.header, descriptor, frames_wanted)
             for leftover in (path / "checkpoints").glob(".*.part"):
                 shutil.rmtree(leftover, ignore_errors=True)
+            writer._mend_groups()
             count = leading_frames(found)
+            for number, folder in writer._checkpoints().items():
+                if not read_checkpoint(path, number, sealed=bool(found.header.files)):
+                    shutil.rmtree(folder, ignore_errors=True)
             frame, state = writer._last_checkpoint(count) if count < frames_wanted else (count - 1, {})
             writer._take_back(frame + 1)
             for name, node in writer._frames.items():
@@ -264,10 +268,15 @@ class RecordingWriter:
         folder = self.path / "checkpoints"
         return {int(entry.name): entry for entry in folder.iterdir() if entry.is_dir() and entry.name.isdigit()}
 
+    def _mend_groups(self) -> None:
+        """Write again what says nothing but that there is a folder."""
+        for key in Store(self.path, self.header).groups:
+            if not (self.path / key).is_file() or (self.path / key).read_bytes() != sealed(group({})):
+                write_attributes((self.path / key).parent, {})
+
     def _last_checkpoint(self, count: int) -> tuple[int, dict[str, Array]]:
         """The last checkpoint whose frame is finished and that can be read; else frame 0, or -1, and nothing."""
-        checkpoints = self._checkpoints()
-        for frame in sorted(checkpoints, reverse=True):
+        for frame in sorted(self._checkpoints(), reverse=True):
             if frame < count:
                 state = read_checkpoint(self.path, frame, sealed=bool(self.header.files))
                 if state:

@@ -1,0 +1,238 @@
+"""Recordings made to do harm: each is refused in a line, and nothing of it is run."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import shutil
+
+import numpy as np
+import pytest
+
+from gasp_core import Recording, Reduction
+from gasp_core.cli.main import main
+from gasp_core.errors import RecordingError
+from gasp_core.recording.arrays import encoded
+from gasp_core.recording.files import checksum
+from gasp_core.recording.nodes import sealed
+
+COUNT = 700
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.fixture
+def path(kept, cloud, scene_of, run, tmp_path):
+    """A recording of 700 Gaussians carried by cores, to be changed."""
+    whole = kept / "whole.gasp"
+    if not whole.exists():
+        run(scene_of(cloud(COUNT), duration=0.08, reduction=Reduction(mode="cores", count=30)), whole)
+    shutil.copytree(whole, tmp_path / "a.gasp")
+    return tmp_path / "a.gasp"
+
+
+def forge(path, key, content):
+    """Put a file into a recording, and its checksum where it must stand: anybody can."""
+    (path / key).write_bytes(content)
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["files"][key] = [len(content), checksum(content)]
+    (path / "zarr.json").write_bytes(sealed(header))
+
+
+def forge_node(path, key, change):
+    node = json.loads((path / key).read_text())
+    change(node)
+    forge(path, key, sealed(node))
+
+
+def refused(path, match):
+    with pytest.raises(RecordingError, match=match) as error:
+        Recording.open(path).gaussians(1)
+    assert "\n" not in str(error.value)
+
+
+class Payload:
+    def __init__(self, marker):
+        self.marker = marker
+
+    def __reduce__(self):
+        return os.system, (f"touch {self.marker}",)
+
+
+@pytest.mark.parametrize("place", ["codec", "filter", "consolidated", "version 2"])
+def test_a_pickle_is_not_run(path, tmp_path, capsys, place):
+    marker = tmp_path / "it ran"
+    evil = pickle.dumps(Payload(f"'{marker}'"))
+    key = "reference/means/zarr.json"
+    node = json.loads((path / key).read_text())
+    old = {"zarr_format": 2, "shape": [COUNT, 3], "chunks": [COUNT, 3], "dtype": "|O", "fill_value": 0, "order": "C"}
+    old |= {"filters": [{"id": "pickle"}], "compressor": {"id": "pickle"}}
+    forge(path, "reference/means/c.0.0", evil)
+    (path / "reference" / "means" / "0.0").write_bytes(evil)
+    if place == "codec":
+        forge_node(path, key, lambda node: node["codecs"].append({"name": "numcodecs.pickle", "configuration": {}}))
+    elif place == "filter":
+        forge_node(path, key, lambda node: node.update(filters=[{"id": "pickle"}], data_type="object"))
+    elif place == "consolidated":
+        root = json.loads((path / "zarr.json").read_text())
+        metadata = {"reference/means": old}
+        root["consolidated_metadata"] = {"kind": "inline", "must_understand": False, "metadata": metadata}
+        (path / "zarr.json").write_bytes(sealed(root))
+    else:
+        (path / key).unlink()
+        (path / "reference" / "means" / ".zarray").write_text(json.dumps(old))
+    assert node["node_type"] == "array"
+    assert main(["export", str(path), "--all", "--out", str(tmp_path / "out")]) == 2
+    assert main(["render", str(path), "--out", str(tmp_path / "still.png"), "--frame", "1"]) == 2
+    assert main(["verify", str(path)]) in (1, 2)
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert errors and all(line.startswith("gasp: ") and "internal" not in line for line in errors)
+    assert not marker.exists()
+
+
+FIT = "bodies/0/levels/0/transfer"
+
+
+def rewritten(path, name, change):
+    """An array of a fit with other values, and all checksums as they must be."""
+    recording = Recording.open(path)
+    fit = recording.bodies[0].carrier.levels[0].transfer
+    values = np.array(getattr(fit, name))
+    change(values)
+    chunk = "c.0" if values.ndim == 1 else "c.0.0"
+    forge(path, f"{FIT}/{name}/{chunk}", encoded(values))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("order", 5000, "order names rows that there are not"),
+        ("order", -1, "order names rows that there are not"),
+        ("neighbours", 30, "neighbours names cores that there are not"),
+        ("neighbours", -5, "neighbours names cores that there are not"),
+        ("labels", 30, "labels names cores that there are not"),
+        ("weights", np.nan, "is not finite"),
+        ("weights", 0.5, "weights do not add up to one"),
+        ("inverses", np.inf, "is not finite"),
+    ],
+)
+def test_what_a_compiled_loop_would_take_as_it_is_is_checked(path, name, value, says):
+    def change(values):
+        values.reshape(-1)[11] = value
+
+    rewritten(path, name, change)
+    refused(path, says)
+
+
+def test_an_order_that_leaves_rows_out_is_refused(path):
+    def change(values):
+        values[0] = values[1]
+
+    rewritten(path, "order", change)
+    refused(path, "order leaves rows out")
+
+
+def test_links_pipes_and_folders_in_the_place_of_files_are_refused(path, tmp_path):
+    file = path / "reference" / "means" / "c.0.0"
+    aside = tmp_path / "aside"
+    file.rename(aside)
+    file.symlink_to(aside)
+    refused(path, r"reference/means/c\.0\.0 is no file")
+    assert main(["verify", str(path)]) == 1
+    file.unlink()
+    os.mkfifo(file)
+    refused(path, r"reference/means/c\.0\.0 is no file")
+    file.unlink()
+    file.symlink_to("/dev/zero")
+    refused(path, r"reference/means/c\.0\.0 is no file")
+    file.unlink()
+    file.mkdir()
+    refused(path, r"reference/means/c\.0\.0 is no file")
+    folder = path / "frames" / "displacements"
+    folder.rename(tmp_path / "elsewhere")
+    folder.symlink_to(tmp_path / "elsewhere")
+    shutil.rmtree(file)
+    aside.rename(file)
+    refused(path, "frames/displacements")
+
+
+@pytest.mark.parametrize("key", ["zarr.json", "commits/00000001/zarr.json", "frames/displacements/zarr.json"])
+def test_a_pipe_instead_of_metadata_is_refused_at_once(path, key):
+    (path / key).unlink()
+    os.mkfifo(path / key)
+    refused(path, "is no file|has no frame|is lost|frame 1")
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, "{" * 100, '{"a":' * 100_000 + "1" + "}" * 100_000, "9" * 50_000])
+@pytest.mark.parametrize("key", ["zarr.json", "frames/displacements/zarr.json", "commits/00000000/zarr.json"])
+def test_metadata_that_are_too_deep_or_no_metadata_are_refused(path, key, text):
+    (path / key).write_text(text)
+    with pytest.raises(RecordingError, match=r"zarr\.json"):
+        Recording.open(path).gaussians(0)
+
+
+def test_metadata_that_are_deep_within_their_attributes_are_refused(path):
+    node = json.loads((path / "zarr.json").read_text())
+    deep: list = []
+    for _ in range(100):
+        deep = [deep]
+    node["attributes"]["engine"]["options"] = {"deep": deep}
+    (path / "zarr.json").write_bytes(sealed(node))
+    with pytest.raises(RecordingError, match=r"zarr\.json is damaged"):
+        Recording.open(path)
+
+
+def test_metadata_that_are_too_long_are_not_read(path):
+    with (path / "zarr.json").open("r+b") as stream:
+        stream.truncate(1 << 40)
+    with pytest.raises(RecordingError, match="are the most for it"):
+        Recording.open(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"shape": [1 << 39, 3]}, "reference/means is damaged"),
+        ({"chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [1, 3]}}}, "in chunks of"),
+        ({"data_type": "complex128"}, "is in no recording"),
+        ({"data_type": ["float64"]}, "is in no recording"),
+        ({"storage_transformers": [{"name": "evil"}]}, "no array of a recording"),
+        ({"chunk_key_encoding": {"name": "v2", "configuration": {"separator": "/"}}}, "not named as in a recording"),
+        ({"codecs": [{"name": "bytes"}]}, "codecs are not those"),
+        ({"fill_value": "NaN"}, "not filled with zeros"),
+    ],
+)
+def test_metadata_of_an_array_are_held_against_what_recordings_are_made_of(path, change, says):
+    forge_node(path, "reference/means/zarr.json", lambda node: node.update(change))
+    refused(path, says)
+
+
+def test_a_chunk_that_would_unpack_to_more_is_not_unpacked(path):
+    forge(path, "reference/means/c.0.0", encoded(np.zeros(2_000_000, dtype=np.float64)))
+    refused(path, "would not unpack to a chunk of its array")
+
+
+def test_more_gaussians_than_the_files_can_hold_are_refused(path):
+    count = 1 << 33
+
+    def grow(node):
+        node["attributes"]["objects"][0]["last"] = count
+
+    header = json.loads((path / "zarr.json").read_text())
+    grow(header)
+    (path / "zarr.json").write_bytes(sealed(header))
+    forge_node(path, "reference/harmonics/zarr.json", lambda node: node.update(shape=[count, 1, 3]))
+    refused(path, "cannot honestly mean")
+
+
+@pytest.mark.parametrize("name", ["../outside", "/etc/passwd", "reference/../../x", "a\x00b"])
+def test_files_outside_are_not_named(path, name):
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["files"][name] = [1, 1]
+    (path / "zarr.json").write_bytes(sealed(header))
+    with pytest.raises(RecordingError, match="names a file that is none of its own"):
+        Recording.open(path)
