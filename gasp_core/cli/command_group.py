@@ -24,7 +24,7 @@ BUILT_IN = {
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
     "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
-    "verify": ("gasp_core.cli.verify:verify", "Look for damage in a recording, and say what can be read."),
+    "verify": ("gasp_core.cli.verify:verify", "Look at every file of a recording, and say what is damaged."),
     "export": ("gasp_core.cli.export:export", "Write the frames of a run as splat files."),
 }
 """Subcommands by name: where they are, and their line in the help."""

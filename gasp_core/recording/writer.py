@@ -51,6 +51,8 @@ class RecordingWriter:
         self.header = header
         self._descriptor: int | None = descriptor
         self._frames_wanted = frames_wanted
+        self.note = ""
+        """A sentence for the user, where damaged frames are computed again."""
         self._bodies = [slice(body.first, body.last) for body in header.bodies]
         store = Store(path, header)
         self._frames = {name: store.frame_node(name) for name in store.frame_names()}
@@ -126,6 +128,8 @@ class RecordingWriter:
                 shutil.rmtree(leftover, ignore_errors=True)
             writer._mend_groups()
             count = leading_frames(found)
+            if count < found.frame_count or found.torn:
+                writer.note = f"frame {count} of {path} is damaged: it and those after it are computed again"
             for number, folder in writer._checkpoints().items():
                 if not read_checkpoint(path, number, sealed=bool(found.header.files)):
                     shutil.rmtree(folder, ignore_errors=True)

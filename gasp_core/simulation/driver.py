@@ -128,6 +128,8 @@ def simulate(
         if found is not None:
             refuse_other(found, header, chosen.descriptor, options)
             writer, last, restart = RecordingWriter.resume(found, wanted)
+            if writer.note:
+                shown.say(writer.note)
             opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
         else:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gasp_core import Recording, read_splat
-from gasp_core.errors import RecordingError
+from gasp_core.errors import SplatFormatError
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
 
@@ -89,19 +89,21 @@ def test_export_that_cannot_be(refused, run, arguments, says):
 
 
 def test_export_that_fails_half_way_takes_its_files_away(refused, run, workplace, monkeypatch):
-    readable = Recording.gaussians
+    from gasp_core import io
 
-    def damaged_at_two(recording, frame):
-        if frame == 2:
-            raise RecordingError(f"{recording.path}: frame 2 is damaged")
-        return readable(recording, frame)
+    written = io.write_splat
 
-    monkeypatch.setattr(Recording, "gaussians", damaged_at_two)
-    refused("export", "scene.gasp", "--all", says=["scene.gasp", "damaged"])
+    def full_at_two(path, gaussians):
+        if path.stem.endswith("2"):
+            raise SplatFormatError(f"{path}: no space is left")
+        written(path, gaussians)
+
+    monkeypatch.setattr(io, "write_splat", full_at_two)
+    refused("export", "scene.gasp", "--all", says=["0002.ply", "no space"])
     # A folder that was there stays, with what else is in it.
     (workplace / "mine").mkdir()
     (workplace / "mine" / "note.txt").write_text("keep")
-    refused("export", "scene.gasp", "--all", "--out", "mine", says=["damaged"])
+    refused("export", "scene.gasp", "--all", "--out", "mine", says=["no space"])
 
 
 def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(workplace):

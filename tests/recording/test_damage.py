@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 
+import flying_points
 import numpy as np
 import pytest
 
-from gasp_core import Gaussians, Recording, RecordingChoice, Reduction
+from gasp_core import Gaussians, Recording, RecordingChoice, Reduction, simulate
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
 from gasp_core.io import read_splat, write_splat
@@ -121,7 +122,7 @@ def test_what_is_no_recording_has_a_status_of_its_own(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("torn", [b"", bytes(300), "half", "all but the last byte"])
-def test_a_torn_last_commit_is_dropped_and_the_run_goes_on_bit_for_bit(scene_of, run, tmp_path, torn):
+def test_a_torn_last_commit_is_dropped_and_the_run_goes_on_bit_for_bit(scene_of, run, tmp_path, capsys, torn):
     scene = scene_of(recording=RecordingChoice(checkpoint_frames=2))
     whole = run(scene, tmp_path / "whole.gasp")
     path = tmp_path / "a.gasp"
@@ -133,7 +134,10 @@ def test_a_torn_last_commit_is_dropped_and_the_run_goes_on_bit_for_bit(scene_of,
     found = Recording.open(path)
     assert (found.frame_count, found.torn, found.lost) == (7, (7,), ())
     assert any("commits/00000007/zarr.json is damaged" in line for line in verify(path).damaged)
-    again = run(scene, path, resume=True)
+    capsys.readouterr()
+    engine = (flying_points.descriptor(), flying_points.Ballistic())
+    again = simulate(scene, engine=engine, out=path, progress=True, resume=True)
+    assert "frame 7 of" in (said := capsys.readouterr().err) and "computed again" in said
     assert (again.status, again.torn) == ("complete", ())
     assert verify(path).damaged == ()
     for frame in range(whole.frame_count):

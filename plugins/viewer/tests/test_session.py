@@ -259,7 +259,7 @@ def test_names_are_no_markup(watch, tmp_path, toy, scene_of, record):
 
 def test_waiting_for_the_first_frame(gated_run, tmp_path):
     path = gated_run.path
-    gated_run.let(1)
+    gated_run.let(0)
     (path / "commits" / "00000000").rename(tmp_path / "aside")
     said = []
 
@@ -273,7 +273,7 @@ def test_waiting_for_the_first_frame(gated_run, tmp_path):
 
 def test_a_run_that_dies_before_its_first_frame(gated_run, tmp_path):
     path = gated_run.path
-    gated_run.let(1)
+    gated_run.let(0)
     (path / "commits" / "00000000").rename(tmp_path / "aside")
     with pytest.raises(RecordingError, match="holds no frame, and nothing writes to it"):
         wait_for_frame(open_footage(path), say=lambda sentence: gated_run.kill(), pause=0.01)
