@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
-from gasp_core.recording.arrays import ArrayNode, array_node, chunk_key, decoded, encoded
+from gasp_core.recording.arrays import ArrayNode, array_node, chunk_key, decoded, encoded, sound
 from gasp_core.recording.files import FileCheck, checksum, read_checked, read_file
 from gasp_core.recording.nodes import read_node, sealed, whole
 
@@ -79,6 +79,8 @@ def load_checkpoint(root: Path, frame: int, *, sealed: bool) -> dict[str, Array]
             raise ValueError("it would unpack to more than it can mean")
         if not sealed and "files" not in found["attributes"]:
             packed = read_file(root, chunk, size)
+            if not sound(packed):
+                raise RecordingError(f"{root}: {chunk} is damaged: its checksum is another")
         else:
             size, found_checksum = found["attributes"]["files"][_CHUNK]
             packed = read_checked(root, chunk, FileCheck(size=size, checksum=found_checksum))

@@ -123,7 +123,7 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
     Parameters
     ----------
     arrays
-        By their names below the body.
+        By their names below the body, finite.
     body
         Of the header.
     count
@@ -135,8 +135,6 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
         Saying which, and what is wrong.
     """
     points = body.last - body.first
-    for name, values in arrays.items():
-        _expect(values.dtype.kind != "f" or bool(np.isfinite(values).all()), f"{name} is not finite")
     if body.carrier == "all":
         _shape(arrays, "magnification", (count, body.vertices - 1), "f")
         _expect(bool((arrays["magnification"] > 0).all()), "magnification is none")

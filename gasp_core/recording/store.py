@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import RecordingError, SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.memory_limit import refuse_too_large
-from gasp_core.recording.arrays import ArrayNode, chunk_key, decoded, usual_chunks
+from gasp_core.recording.arrays import ArrayNode, chunk_key, decoded, sound, usual_chunks
 from gasp_core.recording.files import FileCheck, files_below, is_folder, read_checked, read_file
 from gasp_core.recording.layout import Header
 from gasp_core.recording.nodes import MOST_BYTES, parsed, read_node, whole
@@ -123,11 +123,17 @@ class Store:
         if node.chunks != usual_chunks(node.shape):
             raise RecordingError(f"{self._root}: {name} is damaged: it is in chunks of {node.chunks}")
         contents = {place: self._chunk(name, place, node) for place in node.places()}
-        values = np.zeros(node.shape, dtype=node.dtype)
-        for place, content in contents.items():
-            if content is not None:
+        chunks = {
+            place: self._unpacked(content, f"{name}/{chunk_key(place)}", node, bool(self._files))
+            for place, content in contents.items()
+            if content is not None
+        }
+        if node.chunks == node.shape and chunks:
+            (values,) = chunks.values()
+        else:
+            values = np.zeros(node.shape, dtype=node.dtype)
+            for place, chunk in chunks.items():
                 rows = node.slices(place)
-                chunk = self._unpacked(content, f"{name}/{chunk_key(place)}", node)
                 values[rows] = chunk[tuple(slice(0, part.stop - part.start) for part in rows)]
         if node.dtype.kind == "f" and not np.isfinite(values).all():
             raise RecordingError(f"{self._root}: {name} is damaged: it is not finite")
@@ -183,7 +189,7 @@ class Store:
         if check.size == 0 and not self._files:
             # Before version 6 a chunk of zeros had no file.
             return np.zeros((own, 3), dtype=np.float32)
-        values = self._unpacked(read_checked(self._root, key, check), key, node)[0]
+        values = self._unpacked(read_checked(self._root, key, check), key, node, check.checksum is not None)[0]
         if not np.isfinite(values).all():
             raise RecordingError(f"{self._root}: {key} is damaged: it is not finite")
         return values
@@ -262,8 +268,11 @@ class Store:
     def _exists(self, key: str) -> bool:
         return (self._root / key).exists() or (self._root / key).is_symlink()
 
-    def _unpacked(self, content: bytes, key: str, node: ArrayNode) -> Array:
+    def _unpacked(self, content: bytes, key: str, node: ArrayNode, checked: bool) -> Array:
+        """A chunk; where its file has no checksum, its own is asked."""
         try:
+            if not (checked or sound(content)):
+                raise ValueError("its checksum is another")
             return decoded(content, node)
         except ValueError as error:
             raise RecordingError(f"{self._root}: {key} is damaged: {error}") from None
