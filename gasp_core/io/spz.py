@@ -197,7 +197,7 @@ def _zstd(packed: bytes, size: int, index: int, path: Path) -> Array:
     declared = _zstd_content_size(packed)
     if declared is not None and declared != size:
         raise malformed(path, f"stream {index} would unpack to {declared:,} bytes, not {size:,}")
-    # zarr brings it; a package of its own for one version of one format is not worth it.
+    # Recordings need numcodecs anyway; a package of its own for one version of one format is not worth it.
     from numcodecs import Zstd
 
     try:
