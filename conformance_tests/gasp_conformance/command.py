@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,6 +71,7 @@ def conformance(
     file of yours changes what they do.
     """
     from gasp_conformance.process import NOTHING_MATCHED, USAGE, run_suite
+    from gasp_core.processes.scratch import scratch_folder
 
     if engine is None and not listing:
         raise click.UsageError("name the engine to look at, or --list the checks")
@@ -89,8 +89,7 @@ def conformance(
         options.append("--gasp-quick")
     if expression is not None:
         options += ["-k", expression]
-    with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as name:
-        folder = Path(name)
+    with scratch_folder("gasp-conformance-") as folder:
         if listing:
             status = run_suite([*options, "--gasp-list", "-q"], folder)
             context.exit(USAGE_ERROR if status == USAGE else 0)

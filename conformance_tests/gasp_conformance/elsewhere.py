@@ -9,7 +9,6 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import EngineAccuracy, Field, PointProblem, PointState
 from gasp_core.processes import guard
 from gasp_core.processes.group import end_group, outlived_by_group
+from gasp_core.processes.scratch import scratch_folder
 
 __all__ = ["Elsewhere", "run_elsewhere"]
 
@@ -72,7 +72,7 @@ def run_elsewhere(
     in_thread: bool = False,
 ) -> Elsewhere:
     """Run a problem in a fresh interpreter, in its main thread or in another one."""
-    with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as folder:
+    with scratch_folder("gasp-conformance-") as folder:
         job, result = Path(folder, "job.pickle"), Path(folder, "result.npz")
         job.write_bytes(pickle.dumps((problem, accuracy, list(times), fields)))
         command = [sys.executable, "-m", guard.__name__, __name__, engine, precision, device]

@@ -9,7 +9,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from gasp_core.contract import Precision
 from gasp_core.processes import guard
 from gasp_core.processes.exit_report import ending, tail
 from gasp_core.processes.group import end_group
+from gasp_core.processes.scratch import scratch_folder
 
 __all__ = ["HUNG_AFTER", "Outcome", "run_batch", "run_scene"]
 
@@ -82,7 +82,7 @@ def run_batch(subject: Subject, first: int, last: int, hung_after: float = HUNG_
     """
     outcomes: list[Outcome] = []
     while first <= last:
-        with tempfile.TemporaryDirectory(prefix="gasp-conformance-") as folder:
+        with scratch_folder("gasp-conformance-") as folder:
             done, lost = _one_process(subject, first, last, hung_after, Path(folder))
         outcomes += done
         if lost is None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import atexit
 import dataclasses
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -27,6 +25,7 @@ from gasp_core.contract.options import build_options
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
+from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import progress_for
 from gasp_core.recording import Recording
 from gasp_core.recording.continuing import refuse_other
@@ -208,6 +207,6 @@ def _kept(body: Body) -> dict[str, Array]:
 
 
 def _temporary() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="gasp-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder / "run.gasp"
+    folder = Scratch("gasp-run-")
+    atexit.register(folder.remove)
+    return folder.path / "run.gasp"

@@ -38,7 +38,7 @@ def folders_of_their_own(monkeypatch, tmp_path):
 @pytest.fixture
 def logs(tmp_path):
     """Names of the logs that are there."""
-    return lambda: sorted((tmp_path / "logs").glob("gasp-*.log"))
+    return lambda: sorted((tmp_path / "logs").glob("gasp-worker-*/*.log"))
 
 
 @pytest.fixture

@@ -192,3 +192,17 @@ def test_a_killed_worker_is_one_line_and_status_2(run, tmp_path, logs):
     assert err.count("\n") == 1
     assert "the frames so far are kept in scene.gasp" in err
     assert Recording.open(tmp_path / "scene.gasp").frame_count == 4
+
+
+@pytest.mark.thorough
+def test_the_next_run_removes_the_log_that_a_killed_one_left(run, logs, gone, tmp_path):
+    killed = run("hang")
+    wait_for(lambda: workers_of(killed) and logs())
+    worker = workers_of(killed)[0]
+    killed.kill()
+    killed.wait()
+    assert gone(worker)
+    assert len(logs()) == 1
+    again = run()
+    again.communicate()
+    assert list((tmp_path / "logs").glob("gasp-*")) == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import subprocess
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from gasp_core.engines.worker.transport import PROTOCOL, Inbox, Message, send
 from gasp_core.errors import EngineCrashedError, EngineEnvironmentError
 from gasp_core.processes.exit_report import ending, tail
 from gasp_core.processes.group import end_group
+from gasp_core.processes.scratch import Scratch
 
 __all__ = ["WorkerProcess"]
 
@@ -53,8 +53,9 @@ class WorkerProcess:
         self._over = False
         self._obituary = ""
         self._owner = os.getpid()
-        descriptor, path = tempfile.mkstemp(prefix=f"gasp-{name}-", suffix=".log")
-        self.log = Path(path)
+        self._scratch = Scratch("gasp-worker-")
+        self.log = self._scratch.path / f"{name}.log"
+        descriptor = os.open(self.log, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_APPEND, 0o600)
         try:
             # A session of its own: Ctrl-C on the terminal is for us, who then end it in order.
             self._process = subprocess.Popen(
@@ -67,7 +68,7 @@ class WorkerProcess:
                 start_new_session=True,
             )
         except OSError as error:
-            self.log.unlink()
+            self._scratch.remove()
             reason = error.strerror or error
             raise EngineEnvironmentError(f'engine "{name}": {command[0]} cannot be run: {reason}') from error
         finally:
@@ -139,6 +140,7 @@ class WorkerProcess:
     def crash(self, what: str) -> EngineCrashedError:
         """The error for a worker that is of no more use, which is ended; its log is kept."""
         self._end_group()
+        self._scratch.keep()
         # Of a traceback, the frames that are the same every time say nothing.
         last = tail(self.log, without=[_OWN_FOLDER])
         said = f", which ends: {last}" if last else " (empty)"
@@ -156,8 +158,7 @@ class WorkerProcess:
                 self._to.close()
             patience = _PATIENCE
         self._end_group(patience)
-        with contextlib.suppress(OSError):
-            self.log.unlink()
+        self._scratch.remove()
 
     def _answer(self, doing: str, limit: float, remedy: str = "") -> Message:
         deadline = time.monotonic() + limit

@@ -9,13 +9,13 @@ import os
 import pickle
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from gasp_core.errors import EngineEnvironmentError, RecordingError, SceneError
+from gasp_core.processes.scratch import Scratch
 from gasp_core.studies.runs.outcome import Outcome, Run, RunStatus
 from gasp_core.studies.runs.supervisor import Surroundings, keep, surroundings
 
@@ -130,15 +130,15 @@ def _leashed(folder: Path) -> Generator[Path]:
     """A folder for notes beside the recordings, where whoever makes them can see it; gone in the end."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        leash = Path(tempfile.mkdtemp(prefix=".runs-", dir=folder))
+        leash = Scratch(".runs-", folder)
     except OSError as error:
         raise RecordingError(
             f"{folder}: cannot be written: {error.strerror or error}: choose a folder that is writable and has room"
         ) from None
     try:
-        yield leash
+        yield leash.path
     finally:
-        shutil.rmtree(leash, ignore_errors=True)
+        leash.remove()
 
 
 def _lost(run: Run) -> Outcome:
