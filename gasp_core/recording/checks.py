@@ -104,6 +104,8 @@ def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Comm
     _expect(found.frame == frame and type(found.frame) is int, "it is of another frame")
     _expect(_number(found.time), "its time is no number")
     _expect(_fields(found.diagnostics), "it lacks its diagnostics")
+    warnings: Any = found.diagnostics.get("warnings", [])
+    _expect(isinstance(warnings, list) and all(_text(warning) for warning in warnings), "its warnings are no texts")
     means = [[*row] for row in found.body_displacements]
     _expect(len(means) == len(header.bodies) and all(len(row) == 3 for row in means), "it lacks displacements")
     _expect(all(_number(value) for row in means for value in row), "a displacement is no number")

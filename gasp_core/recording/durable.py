@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 from collections.abc import Generator
 from pathlib import Path
 
-__all__ = ["folder_in_the_making", "remove_leftovers", "replace_file", "sync_file", "sync_folder", "sync_tree"]
+from gasp_core.processes.scratch import Scratch, clear_left_over
+
+__all__ = [
+    "discard",
+    "folder_in_the_making",
+    "remove_leftovers",
+    "replace_file",
+    "sync_file",
+    "sync_folder",
+    "sync_tree",
+]
 
 
 def sync_file(path: Path) -> None:
@@ -46,42 +55,37 @@ def replace_file(path: Path, content: bytes) -> None:
     sync_folder(path.parent)
 
 
-def _scratch_name(path: Path, process: int) -> Path:
-    return path.with_name(f".{path.name}.{process}.part")
-
-
 @contextlib.contextmanager
 def folder_in_the_making(path: Path) -> Generator[Path]:
     """A folder beside `path` that takes its place when the block ends well, and is gone when it does not.
 
     `path` itself must not exist, or be an empty folder.
     """
-    beside = _scratch_name(path, os.getpid())
-    shutil.rmtree(beside, ignore_errors=True)
-    beside.mkdir(parents=True)
+    scratch = Scratch(_prefix(path), path.parent)
+    beside = scratch.path / path.name
     try:
+        beside.mkdir()
         yield beside
         sync_tree(beside)
         beside.replace(path)
         sync_folder(path.parent)
-    except BaseException:
-        shutil.rmtree(beside, ignore_errors=True)
-        raise
+    finally:
+        scratch.remove()
+
+
+def discard(path: Path) -> None:
+    """Take a folder out of its place at once, and then remove it: killed meanwhile, the rest is left over."""
+    scratch = Scratch(_prefix(path), path.parent)
+    try:
+        path.replace(scratch.path / path.name)
+    finally:
+        scratch.remove()
 
 
 def remove_leftovers(path: Path) -> None:
     """Remove what processes that died while making `path` left beside it."""
-    for beside in path.parent.glob(f".{path.name}.*.part"):
-        process = beside.name.split(".")[-2]
-        if process.isdigit() and not _alive(int(process)):
-            shutil.rmtree(beside, ignore_errors=True)
+    clear_left_over(_prefix(path), path.parent)
 
 
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+def _prefix(path: Path) -> str:
+    return f".{path.name}."

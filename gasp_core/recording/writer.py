@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
+from gasp_core.processes.scratch import MARK, clear_left_over
 from gasp_core.recording.arrays import array_node, chunk_key, encoded
 from gasp_core.recording.checkpoints import checkpoint_files, read_checkpoint
 from gasp_core.recording.creating import create_store
-from gasp_core.recording.durable import folder_in_the_making, remove_leftovers, replace_file, sync_folder
+from gasp_core.recording.durable import discard, folder_in_the_making, remove_leftovers, replace_file, sync_folder
 from gasp_core.recording.files import FileCheck, checksum
 from gasp_core.recording.layout import FORMAT, Commit, Header, commit_attributes, commit_key
 from gasp_core.recording.lock import lock
@@ -32,6 +34,8 @@ __all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
 Array = NDArray[Any]
 
 _KEPT_CHECKPOINTS = 2
+_FILES = re.compile(rf"(zarr\.json|c(\.[0-9]+)*|[0-9]+(\.[0-9]+)*)(\.part)?|{re.escape(MARK)}")
+"""Names of all files that recordings of any version have."""
 
 
 def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[Array, Array]:
@@ -93,7 +97,7 @@ class RecordingWriter:
                 arrays = _arrays(reference, moving, points, carriers)
                 header = create_store(folder, header, arrays, rows, frames_wanted)
                 if replaced:
-                    _discard(path)
+                    discard(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
         return cls(path, header, _locked(path), frames_wanted)
@@ -124,8 +128,7 @@ class RecordingWriter:
         try:
             refuse_damaged(found)
             writer = cls(path, found.header, descriptor, frames_wanted)
-            for leftover in (path / "checkpoints").glob(".*.part"):
-                shutil.rmtree(leftover, ignore_errors=True)
+            clear_left_over(".", path / "checkpoints")
             writer._mend_groups()
             count = leading_frames(found)
             if count < found.frame_count or found.torn:
@@ -334,14 +337,20 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
         raise RecordingError(f"{path}: exists and is no recording: choose another name")
     if not overwrite:
         raise RecordingError(f"{path}: a recording is there already: resume it, choose another name, or overwrite it")
+    foreign = _foreign_entry(path)
+    if foreign is not None:
+        raise RecordingError(f"{foreign}: is not of the recording around it, which is not replaced: move it away")
     os.close(_locked(path))
     return True
 
 
-def _discard(path: Path) -> None:
-    aside = path.with_name(f".{path.name}.{os.getpid()}.old.{os.getpid()}.part")
-    path.replace(aside)
-    shutil.rmtree(aside, ignore_errors=True)
+def _foreign_entry(path: Path) -> Path | None:
+    """Something in a recording that is none of its files, which whoever replaces it must not remove along."""
+    for folder, _, files in os.walk(path):
+        for name in files:
+            if _FILES.fullmatch(name) is None:
+                return Path(folder) / name
+    return None
 
 
 def _locked(path: Path) -> int:

@@ -128,6 +128,14 @@ def test_what_a_compiled_loop_would_take_as_it_is_is_checked(path, name, value, 
     refused(path, says)
 
 
+def test_diagnostics_that_are_none_are_refused(path):
+    node = json.loads((path / "commits" / "00000001" / "zarr.json").read_text())
+    node["attributes"]["diagnostics"]["warnings"] = 2
+    (path / "commits" / "00000001" / "zarr.json").write_bytes(sealed(node))
+    with pytest.raises(RecordingError, match=r"commits/00000001/zarr\.json is damaged"):
+        Recording.open(path).gaussians(1)
+
+
 def test_an_order_that_leaves_rows_out_is_refused(path):
     def change(values):
         values[0] = values[1]
