@@ -34,9 +34,11 @@ def main(folder: Path, count: int, seed: int) -> None:
         if child == 0:
             gasp_core.simulate(scenery.scene(), (descriptor(), Ballistic()), path, progress=False)
             os._exit(0)
-        unborn = path.parent / f".{path.name}.{child}.part"
-        marker = path / "commits" / f"{frame:08d}" / "zarr.json" if frame >= 0 else unborn
-        while not (marker.exists() or (path.exists() and frame < 0)) and os.waitpid(child, os.WNOHANG) == (0, 0):
+        begun = f"{path.name}/commits/{frame:08d}/zarr.json" if frame >= 0 else f".{path.name}.*"
+        while not (any(folder.glob(begun)) or (path.exists() and frame < 0)) and os.waitpid(child, os.WNOHANG) == (
+            0,
+            0,
+        ):
             time.sleep(0.0005)
         time.sleep(draw.uniform(0, 0.06))
         try:

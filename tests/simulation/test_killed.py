@@ -33,7 +33,8 @@ def test_a_run_killed_at_any_moment_loses_no_finished_frame_and_resumes_to_the_s
     expected = [whole.points(frame) for frame in range(whole.frame_count)]
     killed = tmp_path / "killed"
     killed.mkdir()
-    environment = {**os.environ, "PYTHONPATH": str(HERE.parent / "support")}
+    path = os.pathsep.join([str(HERE.parent / "support"), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path}
     subprocess.run(
         [sys.executable, str(HERE / "killed_runs.py"), str(killed), str(trials), "20"],
         check=True,

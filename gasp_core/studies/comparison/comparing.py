@@ -18,6 +18,7 @@ from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
+from gasp_core.recording.writer import refuse_existing
 from gasp_core.rendering.camera import check_size
 from gasp_core.scene.model import Scene
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
@@ -190,7 +191,7 @@ def _in_the_way(folder: Path, names: Sequence[str], overwrite: bool) -> list[Pat
         )
     for path in there:
         if path.suffix == ".gasp":
-            Recording.open(path)  # somebody else's folder is none
+            refuse_existing(path, overwrite)  # somebody else's folder is no recording
         elif path.is_dir():
             raise RecordingError(f"{path}: is a folder, a comparison writes a file there: choose another --out")
     return there

@@ -13,7 +13,9 @@ from pathlib import Path
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
+from gasp_core.processes.scratch import clear_left_over
 from gasp_core.progress import counting
+from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import refuse_untrusted
 from gasp_core.studies.tradeoff.machine import load, machine
@@ -156,6 +158,7 @@ def _prepared(out: Path, overwrite: bool) -> Path:
     if recordings.exists():
         if not overwrite:
             raise RecordingError(f"{recordings}: is left from before: choose another --out, or say --overwrite")
+        clear_left_over(".", recordings)
         strange = [path.name for path in recordings.iterdir() if not _is_ours(path)]
         if strange:
             raise RecordingError(
@@ -172,7 +175,10 @@ def _prepared(out: Path, overwrite: bool) -> Path:
 
 
 def _is_ours(path: Path) -> bool:
-    return path.suffix == ".gasp" or path.name == _TRUTH or path.name.startswith(".runs-")
+    if path.name == _TRUTH and path.is_dir():
+        clear_left_over(".", path)
+        return all(_is_ours(entry) for entry in path.iterdir())
+    return path.suffix == ".gasp" and path.is_dir() and refuse_existing(path, overwrite=True)
 
 
 def _tidy(out: Path, recordings: Path, keep: bool) -> None:
