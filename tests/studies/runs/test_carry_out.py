@@ -17,6 +17,7 @@ import pytest
 
 from gasp_core import GaspError, Recording
 from gasp_core.errors import RecordingError, SceneError
+from gasp_core.processes.scratch import Scratch
 from gasp_core.studies.runs import RunStatus, carry_out
 from gasp_core.studies.runs.timing import split_times
 
@@ -272,6 +273,16 @@ def test_ctrl_c_or_death_ends_them_all(tmp_path, left_behind, backend, number):
         assert (process.returncode, out) == (0, "interrupted\n"), err
         assert not list(tmp_path.glob(".runs-*"))
     assert not (tmp_path / "c.gasp").exists()
+
+
+def test_what_killed_runs_left_the_next_ones_remove(run_of, tmp_path):
+    left = Scratch(".runs-", tmp_path)
+    (left.path / "notes").mkdir()
+    os.close(left._descriptor)  # as the death of whoever held it does
+    (tmp_path / ".runs-of-mine").mkdir()
+    (outcome,) = carry_out([run_of("good", frames=2)])
+    assert outcome.ending is RunStatus.COMPLETE
+    assert [path.name for path in tmp_path.glob(".runs-*")] == [".runs-of-mine"]
 
 
 def test_start_and_stride_are_told_apart():
