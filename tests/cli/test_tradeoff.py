@@ -120,6 +120,9 @@ def test_what_is_there_already_is_not_touched(refused, gasp, truth):
     refused("tradeoff", "scene.toml", *few, says=["is left from before"])
     refused("tradeoff", "scene.toml", *few, "--overwrite", says=["vinyl.txt", "choose another --out"])
     (mine / "vinyl.txt").rename(mine / "left.gasp")
+    refused("tradeoff", "scene.toml", *few, "--overwrite", says=["left.gasp", "choose another --out"])
+    (mine / "left.gasp").unlink()
+    assert gasp("run", "scene.toml", "--out", mine / "left.gasp").status == 0
     outcome = gasp("tradeoff", "scene.toml", *few, "--overwrite")
     assert outcome.status == 0
     assert not mine.exists()

@@ -147,6 +147,10 @@ class WorkerProcess:
         self._obituary = f'engine "{self.name}" {what}; log of its worker: {self.log}{said}'
         return EngineCrashedError(self._obituary)
 
+    def discard_log(self) -> None:
+        """Remove the log that a crash has left."""
+        self._scratch.remove()
+
     def end(self) -> None:
         """End it, in order where it is not busy, and remove its log; may be called twice, and after a crash."""
         # A fork of this process has no say in it.

@@ -106,7 +106,7 @@ class WorkerSession:
                 answered(worker, {"do": "close"}, "closing", _CLOSING)
         except EngineCrashedError:
             # All that was asked for has been given: how it dies now is nobody's concern, as backends crash at exit.
-            worker.log.unlink(missing_ok=True)
+            worker.discard_log()
         finally:
             self._finalizer.detach()
             if take_back is not None:

@@ -81,7 +81,7 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: object) -> It
     assert math.isfinite(watched.cpu)
     assert gone(watched.workers())
     assert not [path for path in watched.shared if Path(path).exists()]
-    assert len(list(logs.glob("gasp-genesis-mpm-*.log"))) == 1
+    assert len(list(logs.glob("gasp-worker-*/genesis-mpm.log"))) == 1
 
 
 def died(run: Callable[[], object], out: Path) -> EngineCrashedError:
