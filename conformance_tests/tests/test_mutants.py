@@ -135,6 +135,10 @@ def endings(installed: None, pytester: pytest.Pytester) -> Any:
     return run
 
 
+LONG = ("metal", "snow")
+"""Modules of mutants whose checks take seconds, where others take a tenth."""
+
+
 def _caught() -> Iterator[Any]:
     """Every mutant with the checks it is caught by, quick ones and slow ones apart."""
     modules: set[str] = set()
@@ -142,7 +146,8 @@ def _caught() -> Iterator[Any]:
         quick = [name for name in kind.caught_by if name not in kind.slow]
         if quick:
             # One of every module, of few checks, stands for the others while one works on the suite.
-            further = (pytest.mark.thorough,) if kind.__module__ in modules or len(quick) > 1 else ()
+            stands = kind.__module__ not in modules and len(quick) == 1 and kind.__module__.rpartition(".")[2] not in LONG
+            further = () if stands else (pytest.mark.thorough,)
             modules |= {kind.__module__} if not further else set()
             yield pytest.param(kind, quick, id=kind.name, marks=further)
         if kind.slow:

@@ -11,6 +11,7 @@ from gasp_core.contract import CONTRACT_VERSION
 LIST = ["-m", "gasp_core.cli.main", "engines", "--json"]
 
 
+@pytest.mark.thorough
 def test_a_new_engine_passes_the_suite_for_what_it_declares(new_engine, in_process_of_its_own):
     folder = new_engine("bounce-2")
     done = in_process_of_its_own(["-m", "gasp_conformance", "bounce-2", "--quick"], folder)

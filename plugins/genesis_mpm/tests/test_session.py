@@ -28,6 +28,9 @@ from gasp_core.discovery.registry import discover
 from gasp_core.engines.opening import open_engine
 from gasp_core.errors import SceneError
 
+# Each needs Genesis in a process of its own, which comes up in eight seconds.
+pytestmark = pytest.mark.thorough
+
 SPACING = 0.1
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 STILL = (0.0, 0.0, 0.0)

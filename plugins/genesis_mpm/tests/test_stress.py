@@ -163,6 +163,7 @@ def found_stress(
     return -scale * (after - affine), 30 * EPS * scale * float(np.abs(after).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("material", "deformation", "history", "law"),
     [

@@ -21,6 +21,9 @@ from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.settings import EngineChoice, RecordingChoice
 from gasp_core.toy import make_toy
 
+# Each needs Genesis in a process of its own, which comes up in eight seconds.
+pytestmark = pytest.mark.thorough
+
 SOON = 5.0
 """Seconds within which the death of a worker has to be an error."""
 PATIENCE = 300.0
