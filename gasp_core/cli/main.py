@@ -90,9 +90,9 @@ def _message(error: Exception) -> str:
 
 
 def _complain(message: str, status: int) -> int:
-    from gasp_core.cli.printing import printable
+    from gasp_core.io.format_errors import shown
 
-    line = printable(" ".join(message.split()))
+    line = shown(" ".join(message.split()))
     with contextlib.suppress(OSError):
         print(f"gasp: {line}", file=sys.stderr, flush=True)
     # What stdout still holds must not fail a second time when the interpreter ends.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import click
 
-__all__ = ["printable", "print_json", "print_table"]
+__all__ = ["print_json", "print_table"]
 
 
 def print_json(value: object) -> None:
@@ -30,8 +30,3 @@ def _without_nan(value: object) -> object:
     if isinstance(value, (list, tuple)):
         return [_without_nan(item) for item in value]
     return value
-
-
-def printable(line: str) -> str:
-    """A line with what would control a terminal written out."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gasp_core.cli.printing import printable
+from gasp_core.io.format_errors import shown
 
 if TYPE_CHECKING:
     from gasp_core.scene.model import Scene
@@ -34,7 +34,7 @@ def code_is_trusted(scene: Scene, said: bool) -> bool:
     if code and not said and sys.stdin.isatty() and sys.stderr.isatty():
         click.echo("This scene runs code with your rights:", err=True)
         for own in code:
-            click.echo(printable(f'  {own.where()} (function "{own.function}" moves "{own.owner}")'), err=True)
+            click.echo(shown(f'  {own.where()} (function "{own.function}" moves "{own.owner}")'), err=True)
         trusted = click.confirm("Do you trust it?", err=True)
     refuse_untrusted(scene, trusted)
     return trusted

@@ -14,11 +14,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, EngineDescriptor, EngineSession, PointProblem, Precision
-from gasp_core.engines.worker import bootstrap
+from gasp_core.engines.worker import bootstrap, replies
 from gasp_core.engines.worker.package_paths import lent_for, loans
 from gasp_core.engines.worker.process import WorkerProcess
 from gasp_core.engines.worker.serialization import to_plain
-from gasp_core.engines.worker.session import Limits, WorkerSession, answered
+from gasp_core.engines.worker.session import Limits, WorkerSession, answered, shapes_of
 from gasp_core.engines.worker.shared_memory import Block
 from gasp_core.errors import EngineEnvironmentError
 
@@ -131,11 +131,11 @@ class WorkerEngine:
                 "arguments": plain,
                 "layout": worker.block.pack(arrays),
             }
-            opened = answered(worker, message, "opening the scene", self._limits.opening, _COMPILING)
+            time = answered(worker, message, "opening the scene", replies.time, self._limits.opening, _COMPILING)
         except BaseException:
             self.take_back(worker)
             raise
-        return WorkerSession(worker, opened["time"], self._limits, weakref.WeakMethod(self.take_back))
+        return WorkerSession(worker, time, shapes_of(problem), self._limits, weakref.WeakMethod(self.take_back))
 
     def probe(self) -> None:
         """Start a worker and end it.
@@ -160,7 +160,7 @@ class WorkerEngine:
         worker = self._started()
         try:
             message = {"do": "load", "factory": self._descriptor.factory, "remedy": self._remedy}
-            answered(worker, message, "loading its code", self._limits.opening, _COMPILING)
+            answered(worker, message, "loading its code", replies.nothing, self._limits.opening, _COMPILING)
         finally:
             worker.end()
 

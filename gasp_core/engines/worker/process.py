@@ -13,6 +13,7 @@ from typing import BinaryIO, cast
 from gasp_core.engines.worker.shared_memory import Block
 from gasp_core.engines.worker.transport import PROTOCOL, Inbox, Message, send
 from gasp_core.errors import EngineCrashedError, EngineEnvironmentError
+from gasp_core.io.format_errors import shown
 from gasp_core.processes.exit_report import ending, tail
 from gasp_core.processes.group import end_group
 from gasp_core.processes.scratch import Scratch
@@ -101,7 +102,7 @@ class WorkerProcess:
         spoken = self._answer("starting", limit).get("protocol")
         if spoken != PROTOCOL:
             raise EngineEnvironmentError(
-                f'the worker of engine "{self.name}" speaks protocol {spoken!r}, this GASP {PROTOCOL}:'
+                f'the worker of engine "{self.name}" speaks protocol {ascii(spoken)[:60]}, this GASP {PROTOCOL}:'
                 " bring both to one version of gasp-core"
             )
         self._busy = False
@@ -142,7 +143,7 @@ class WorkerProcess:
         self._end_group()
         self._scratch.keep()
         # Of a traceback, the frames that are the same every time say nothing.
-        last = tail(self.log, without=[_OWN_FOLDER])
+        last = shown(tail(self.log, without=[_OWN_FOLDER]))
         said = f", which ends: {last}" if last else " (empty)"
         self._obituary = f'engine "{self.name}" {what}; log of its worker: {self.log}{said}'
         return EngineCrashedError(self._obituary)

@@ -7,22 +7,23 @@ import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core import errors
-from gasp_core.contract import Field, PointState, StepReport
+from gasp_core.contract import Field, PointProblem, PointState, StepReport
+from gasp_core.engines.worker import replies
 from gasp_core.engines.worker.buffer_pool import Recycling
 from gasp_core.engines.worker.process import WorkerProcess
-from gasp_core.engines.worker.serialization import from_plain
+from gasp_core.engines.worker.shared_memory import Layout
 from gasp_core.engines.worker.transport import Message
-from gasp_core.errors import EngineCrashedError, EngineDivergedError
+from gasp_core.errors import EngineCrashedError
 
-__all__ = ["Limits", "WorkerSession", "answered"]
+__all__ = ["Limits", "WorkerSession", "answered", "shapes_of"]
 
 Array = NDArray[Any]
+T = TypeVar("T")
 
 _CLOSING = 5.0
 """Seconds a session may take to close before its process is killed."""
@@ -53,6 +54,8 @@ class WorkerSession:
         In which it has been opened.
     time
         It is at [s].
+    shapes
+        Of what can be read out, see `shapes_of`.
     limits
         How long to wait.
     take_back
@@ -63,11 +66,13 @@ class WorkerSession:
         self,
         worker: WorkerProcess,
         time: float,
+        shapes: Mapping[Field, tuple[int, ...]],
         limits: Limits,
         take_back: weakref.WeakMethod[Callable[[WorkerProcess], None]],
     ) -> None:
         self._worker: WorkerProcess | None = worker
         self._time = time
+        self._shapes = shapes
         self._limits = limits
         self._take_back = take_back
         self._memory = Recycling()
@@ -81,19 +86,24 @@ class WorkerSession:
     def advance_to(self, time: float) -> StepReport:
         """See `EngineSession.advance_to`."""
         words = f"advancing to {time:.6g} s" if math.isfinite(time) else "refusing a time"
-        done = self._asked({"do": "advance", "time": float(time)}, words)
-        self._time = done["time"]
-        return from_plain(done["report"], {})
+        self._time, report = self._asked({"do": "advance", "time": float(time)}, words, _advanced)
+        return report
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """See `EngineSession.read`."""
         words = sorted(field.value for field in fields)
-        done = self._asked({"do": "read", "fields": words}, f"reading {', '.join(words)}")
-        return PointState(time=done["time"], **self._unpacked(done, self._memory.empty))
+        # Positions are read always.
+        shapes = {field.value: self._shapes[field] for field in (*fields, Field.POSITIONS)}
+        time, layout = self._asked(
+            {"do": "read", "fields": words},
+            f"reading {', '.join(words)}",
+            lambda done: (replies.time(done), replies.expected_layout(done, shapes)),
+        )
+        return PointState(time=time, **self._unpacked(layout, self._memory.empty))
 
     def checkpoint(self) -> Mapping[str, Array]:
         """See `EngineSession.checkpoint`."""
-        return self._unpacked(self._asked({"do": "checkpoint"}, "making a checkpoint"))
+        return self._unpacked(self._asked({"do": "checkpoint"}, "making a checkpoint", replies.any_layout))
 
     def close(self) -> None:
         """End the session; its worker is kept or ended. May be called twice."""
@@ -103,7 +113,7 @@ class WorkerSession:
         take_back = self._take_back()
         try:
             if take_back is not None and worker.is_idle:
-                answered(worker, {"do": "close"}, "closing", _CLOSING)
+                answered(worker, {"do": "close"}, "closing", replies.nothing, _CLOSING)
         except EngineCrashedError:
             # All that was asked for has been given: how it dies now is nobody's concern, as backends crash at exit.
             worker.discard_log()
@@ -122,30 +132,60 @@ class WorkerSession:
     ) -> None:
         self.close()
 
-    def _asked(self, message: Message, doing: str) -> Any:
+    def _asked(self, message: Message, doing: str, read: Callable[[Any], T]) -> T:
         if self._worker is None:
             raise ValueError("the session is closed")
-        return answered(self._worker, message, doing, self._limits.frame, "set a longer frame_limit")
+        return answered(self._worker, message, doing, read, self._limits.frame, "set a longer frame_limit")
 
-    def _unpacked(self, done: Message, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
+    def _unpacked(self, layout: Layout, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
         assert self._worker is not None
         try:
-            return self._worker.block.unpack(done["layout"], empty)
+            return self._worker.block.unpack(layout, empty)
         except (TypeError, ValueError) as error:
             raise self._worker.crash(f"sent arrays that are not there ({error})") from error
 
 
-def answered(worker: WorkerProcess, message: Message, doing: str, limit: float, remedy: str = "") -> Any:
-    """What a worker answers, or the error it met, raised here; parameters as of `WorkerProcess.ask`."""
+def shapes_of(problem: PointProblem) -> dict[Field, tuple[int, ...]]:
+    """Shapes of what can be read out of a session of a problem."""
+    count, tracers = len(problem.points.reference_positions), problem.points.tracer_positions
+    return {
+        Field.POSITIONS: (count, 3),
+        Field.VELOCITIES: (count, 3),
+        Field.DEFORMATION_GRADIENTS: (count, 3, 3),
+        Field.TRACER_POSITIONS: (0 if tracers is None else len(tracers), 3),
+    }
+
+
+def answered(
+    worker: WorkerProcess, message: Message, doing: str, read: Callable[[Any], T], limit: float, remedy: str = ""
+) -> T:
+    """What a worker answers, or the error it met, raised here.
+
+    Parameters
+    ----------
+    worker, message, doing, limit, remedy
+        As of `WorkerProcess.ask`.
+    read
+        Makes of the answer what is returned; ValueError where it is none.
+
+    Raises
+    ------
+    EngineCrashedError
+        As `WorkerProcess.ask`, and where what was answered is no answer.
+    GaspError, ValueError
+        What the engine raised.
+    """
     answer = worker.ask(message, doing, limit, remedy)
-    failed = answer.get("failed")
-    if failed is None:
-        return answer["done"]
-    kind, words = failed["kind"], failed["words"]
-    if kind is None:
-        raise worker.crash(f"failed while {doing}: {words}")
-    if kind == "ValueError":
-        raise ValueError(words)
-    if kind == EngineDivergedError.__name__:
-        raise EngineDivergedError(words, from_plain(failed["report"], {}))
-    raise getattr(errors, kind)(words)
+    try:
+        if "failed" not in answer:
+            return read(answer.get("done"))
+        failed = replies.failure(answer["failed"])
+    except ValueError as error:
+        raise worker.crash(f"sent what is no answer while {doing} ({error})") from None
+    if isinstance(failed, str):
+        raise worker.crash(f"failed while {doing}: {failed}")
+    raise failed
+
+
+def _advanced(done: Any) -> tuple[float, StepReport]:
+    return replies.time(done), replies.report(done.get("report"))

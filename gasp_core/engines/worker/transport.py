@@ -13,6 +13,8 @@ Message = dict[str, Any]
 
 PROTOCOL = 1
 """Of the messages; a worker that greets with another one is not talked to."""
+_LONGEST = 1 << 26
+"""Bytes of a message; arrays are not in it."""
 
 
 def send(stream: BinaryIO, message: Message) -> None:
@@ -60,7 +62,10 @@ class Inbox:
         if not line:
             self._lines.put(b"")  # for whoever asks again
             raise EOFError
-        message: object = json.loads(line)
+        try:
+            message: object = json.loads(line)
+        except RecursionError:
+            raise ValueError("it is too deep") from None
         if not isinstance(message, dict):
             raise ValueError("a message is a JSON object")
         return cast(Message, message)
@@ -72,7 +77,7 @@ class Inbox:
 
     def _read(self, stream: BinaryIO) -> None:
         try:
-            while line := stream.readline():
+            while line := stream.readline(_LONGEST):
                 self._lines.put(line)
         except (OSError, ValueError):
             pass  # closed under our hands: as good as its end
