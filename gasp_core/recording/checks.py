@@ -51,6 +51,7 @@ def check_header(header: Header) -> None:
     for item in header.objects:
         _expect(_text(item.name) and _text(item.splat_digest), "an object has no name")
         _expect(item.first == last and _count(item.last) and item.last >= item.first, "rows of the objects have gaps")
+        _expect(item.placement is None or _placement(item.placement), "an object is placed nowhere")
         last = item.last
     _check_bodies(header)
     for key, entry in header.files.items():
@@ -206,6 +207,15 @@ def _check(entry: Any) -> FileCheck:
     values: list[Any] = entry if isinstance(entry, list) else [entry]
     _expect(1 <= len(values) <= 2 and all(_count(value) for value in values), "it does not say what its files are")
     return FileCheck(size=values[0], checksum=values[1] if len(values) > 1 else None)
+
+
+def _placement(value: Any) -> bool:
+    if not isinstance(value, Mapping) or set(value) != {"rotation", "scale", "translation"}:
+        return False
+    rotation, translation, scale = value["rotation"], value["translation"], value["scale"]
+    rows = [*rotation, translation] if isinstance(rotation, list) and len(rotation) == 3 else []
+    fine = bool(rows) and all(isinstance(row, list) and len(row) == 3 and all(map(_number, row)) for row in rows)
+    return fine and _number(scale) and scale > 0
 
 
 def _text(value: Any) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from gasp_core.errors import RecordingError
 from gasp_core.recording.checks import commit_of
 from gasp_core.recording.layout import Commit, Header, commit_key
-from gasp_core.recording.nodes import MOST_BYTES, read_attributes
+from gasp_core.recording.nodes import read_attributes
 
 __all__ = ["Commits", "Found", "numbered"]
 
@@ -76,10 +76,9 @@ class Commits:
             Where it is missing or damaged; the message names its file.
         """
         key = commit_key(frame)
-        # Rows without a frame are pairs of numbers.
-        most = min(MOST_BYTES + 48 * self._header.objects[-1].last, 1 << 30)
+        rows = self._header.objects[-1].last
         try:
-            attributes = read_attributes(self._root, key, most, seal=bool(self._header.files))
+            attributes = read_attributes(self._root, key, rows, seal=bool(self._header.files))
             return commit_of(attributes, frame, self._header)
         except FileNotFoundError:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is missing") from None

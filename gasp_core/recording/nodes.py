@@ -6,6 +6,7 @@ whole: a commit, the header, the status.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Mapping
@@ -23,6 +24,11 @@ Node = dict[str, Any]
 
 MOST_BYTES = 8 << 20
 """Of a node: the header of a scene of a thousand objects has two million."""
+_BYTES_OF_A_ROW = 48
+"""Of a commit, for each simplex without a frame of its own: a pair of numbers."""
+_LONGEST = 1 << 30
+_MOST_LISTS = 1 << 19
+"""Lists and objects of a node. Empty ones take 24 times the memory that their text does."""
 GROUP = frozenset({"zarr_format", "node_type", "attributes"})
 """All that a group has. Consolidated metadata, which would speak for others, are none of it."""
 _DEEPEST = 16
@@ -53,21 +59,22 @@ def whole(content: bytes) -> bool:
     return seal == f"{checksum(before):08x}".encode() + _TAIL
 
 
-def parsed(root: Path, key: str, content: bytes) -> Node:
-    """A node from its bytes.
+def parsed(root: Path, key: str, content: bytes, rows: int = 0) -> Node:
+    """A node from its bytes; `rows` as of `read_node`.
 
     Raises
     ------
     RecordingError
-        Where it is none, or deeper than any that was written.
+        Where it is none, or deeper or of more parts than any that was written.
     """
-    try:
-        node: Any = json.loads(content, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError):
-        node = None
+    node: Any = None
+    brackets = _NO_BRACKET.sub(b"", _STRING.sub(b"", content))
+    # Asked before it is parsed, which is what takes the memory.
+    if len(brackets) <= 2 * (_MOST_LISTS + rows) and _depth(brackets) <= _DEEPEST:
+        with contextlib.suppress(ValueError, RecursionError):
+            node = json.loads(content, parse_constant=_refuse_constant)
     if (
         not isinstance(node, dict)
-        or _depth(content) > _DEEPEST
         or node.get("zarr_format") != 3
         or not isinstance(node.get("attributes"), dict)
         or (node.get("node_type") == "group" and node.keys() != GROUP)
@@ -76,8 +83,15 @@ def parsed(root: Path, key: str, content: bytes) -> Node:
     return node
 
 
-def read_node(root: Path, key: str, most: int = MOST_BYTES) -> tuple[Node, bytes]:
+def read_node(root: Path, key: str, rows: int = 0) -> tuple[Node, bytes]:
     """A node of a recording, and its bytes.
+
+    Parameters
+    ----------
+    root, key
+        The recording, and the ``zarr.json`` in it.
+    rows
+        Pairs of numbers that it may have in addition to what every node may.
 
     Raises
     ------
@@ -86,19 +100,17 @@ def read_node(root: Path, key: str, most: int = MOST_BYTES) -> tuple[Node, bytes
     FileNotFoundError
         Where there is none.
     """
-    content = read_file(root, key, most)
-    return parsed(root, key, content), content
+    content = read_file(root, key, min(MOST_BYTES + _BYTES_OF_A_ROW * rows, _LONGEST))
+    return parsed(root, key, content, rows), content
 
 
-def read_attributes(root: Path, key: str, most: int = MOST_BYTES, *, seal: bool) -> dict[str, Any]:
+def read_attributes(root: Path, key: str, rows: int = 0, *, seal: bool) -> dict[str, Any]:
     """Attributes of a group of a recording, less its seal.
 
     Parameters
     ----------
-    root, key
-        The recording, and the group's ``zarr.json`` in it.
-    most
-        Bytes that it may have.
+    root, key, rows
+        As of `read_node`.
     seal
         Whether it must have one: from version 6 on.
 
@@ -109,7 +121,7 @@ def read_attributes(root: Path, key: str, most: int = MOST_BYTES, *, seal: bool)
     FileNotFoundError
         Where there is none.
     """
-    node, content = read_node(root, key, most)
+    node, content = read_node(root, key, rows)
     if (seal or "checksum" in node["attributes"]) and not whole(content):
         raise RecordingError(f"{root}: {key} is damaged: its checksum is another")
     if node.get("node_type") != "group":
@@ -125,10 +137,10 @@ def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
     replace_file(folder / "zarr.json", sealed(group(attributes)))
 
 
-def _depth(content: bytes) -> int:
-    """Lists and objects within each other, of a JSON text that is valid."""
+def _depth(brackets: bytes) -> int:
+    """Lists and objects within each other, of the brackets of a JSON text."""
     deepest = depth = 0
-    for bracket in _NO_BRACKET.sub(b"", _STRING.sub(b"", content)):
+    for bracket in brackets:
         if bracket in b"[{":
             depth += 1
             deepest = max(deepest, depth)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,10 +63,13 @@ def verify(path: str | Path) -> Verdict:
         told = str(error).removeprefix(f"{path}: ")
         return Verdict(damaged=(told,), readable=(), lost=(), advice=_ANEW, notes=())
     whole_run = [*_faults_of_all(recording)]
-    # Where the points began is needed to go on, and for nothing that is drawn.
-    common = [fault for fault in whole_run if not fault.startswith("reference/points/")]
+    # Where the points began, and how fast they are, is nothing that is drawn.
+    common = [fault for fault in whole_run if not fault.startswith(("reference/points/", "frames/velocities/"))]
     good, faults = readable_frames(recording)
     damaged = [*whole_run, *_faults_of_groups(recording), *(fault for found in faults.values() for fault in found)]
+    if recording.has_velocities:
+        # Nothing that is drawn needs them.
+        damaged += [fault for frame in good for fault in _faults_of_frame(recording, frame, ["velocities"])]
     try:
         _ = recording.frames_wanted
     except RecordingError as error:
@@ -88,10 +91,10 @@ def verify(path: str | Path) -> Verdict:
 
 
 def readable_frames(recording: Recording) -> tuple[tuple[int, ...], dict[int, list[str]]]:
-    """Frames whose own files are whole, and what is wrong with those of the others, by their number."""
-    numbers = sorted({*range(recording.frame_count), *recording.lost, *recording.torn})
-    faults = {frame: found for frame in numbers if (found := [*_faults_of_frame(recording, frame)])}
-    good = [frame for frame in numbers if frame not in faults]
+    """Frames whose Gaussians can be read, and what is wrong with the files of the others, by their number."""
+    drawn = [name for name in Store(recording.path, recording.header).frame_names() if name != "velocities"]
+    faults = {frame: found for frame in _numbers(recording) if (found := [*_faults_of_frame(recording, frame, drawn)])}
+    good = [frame for frame in _numbers(recording) if frame not in faults]
     for frame in good if faults else ():
         # The shapes of simplices without a frame of their own are those of an earlier one.
         for lost in sorted(_leans_on(recording, frame) & faults.keys()):
@@ -113,10 +116,16 @@ def refuse_damaged(recording: Recording) -> None:
 
 def leading_frames(recording: Recording) -> int:
     """Frames from the first on of which nothing is damaged."""
+    names = Store(recording.path, recording.header).frame_names()
     for frame in range(recording.frame_count):
-        for _ in _faults_of_frame(recording, frame):
+        for _ in _faults_of_frame(recording, frame, names):
             return frame
     return recording.frame_count
+
+
+def _numbers(recording: Recording) -> list[int]:
+    """All frames that there are, or were."""
+    return sorted({*range(recording.frame_count), *recording.lost, *recording.torn})
 
 
 def _faults_of_all(recording: Recording) -> Iterator[str]:
@@ -155,14 +164,14 @@ def _faults_of_groups(recording: Recording) -> Iterator[str]:
             yield _told(recording, error)
 
 
-def _faults_of_frame(recording: Recording, frame: int) -> Iterator[str]:
-    """What is damaged of a frame's own files."""
+def _faults_of_frame(recording: Recording, frame: int, names: Sequence[str]) -> Iterator[str]:
+    """What is damaged of a frame's commit, and of its chunks of the arrays of these names."""
     try:
         commit = Commits(recording.path, recording.header).read(frame)
     except RecordingError as error:
         yield _told(recording, error)
         return
-    for name in Store(recording.path, recording.header).frame_names():
+    for name in names:
         key = f"frames/{name}/{chunk_key((frame, 0, 0))}"
         check = commit.chunks.get(key)
         if check is None:
