@@ -15,8 +15,10 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
+from recordings import RecordingSeed
 from targets import HIDDEN, TARGETS, Seed
 
 SECONDS = 5
@@ -25,7 +27,7 @@ ADDRESSES = 8 << 30
 """Bytes of address space: what is not refused must not take the machine with it. Threads and Numba want half."""
 
 
-def mutant_of(name: str, seeds: list[Seed], number: int) -> tuple[str, bytes]:
+def mutant_of(name: str, seeds: Sequence[Seed | RecordingSeed], number: int) -> tuple[str, bytes]:
     """File name and content of a mutant."""
     chance = random.Random(f"{name} {number}")
     seed = chance.choice(seeds)

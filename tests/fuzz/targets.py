@@ -1,7 +1,7 @@
 """What is mutated: good files of every kind, and what reads them.
 
-A target that is to be added (recordings, messages of workers) is one more entry of `TARGETS`: good files as `Seed`s,
-and a function that reads one as the program does and raises nothing but `GaspError`.
+A target is an entry of `TARGETS`: good files as `Seed`s, and a function that reads one as the program does and raises
+nothing but `GaspError`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import json
 import random
 import sys
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import splat_files
+from conversations import read_conversation, said
 from mutation import mutated
+from recordings import RecordingSeed, read_recording, recording_seeds, without_flushes
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,7 +61,7 @@ class Seed:
 class Target:
     """A kind of input: `prepare` puts beside the mutants what they name, `seeds` are mutated, `read` reads one."""
 
-    seeds: Callable[[], list[Seed]]
+    seeds: Callable[[], Sequence[Seed | RecordingSeed]]
     read: Callable[[Path], None]
     prepare: Callable[[Path], None] = lambda folder: None
 
@@ -241,7 +243,8 @@ TARGETS: dict[str, Target] = {
     "splats": Target(seeds=splat_seeds, read=read_splat),
     "scenes": Target(seeds=scene_seeds, read=read_scene, prepare=beside_scenes),
     "cameras": Target(seeds=camera_seeds, read=read_cameras),
-    # Recordings and messages of workers: here.
+    "conversations": Target(seeds=lambda: [plain("worker.jsonl", said())], read=read_conversation),
+    "recordings": Target(seeds=recording_seeds, read=read_recording, prepare=without_flushes),
 }
 HIDDEN: dict[str, Target] = {"faulty": FAULTY}
 """Not fuzzed unless somebody names them."""
