@@ -62,7 +62,7 @@ endif
 
 COUNT ?= 20000
 .PHONY: fuzz
-fuzz: $(STAMP) ## Damaged splats, scenes and cameras: each has to be read or refused; COUNT=100000 of each
+fuzz: $(STAMP) ## Damaged splats, scenes, cameras, recordings, messages: read or refused; COUNT=100000 of each
 	@$(BIN)/python tests/fuzz/harness.py --count $(COUNT) --first $$(date +%s) --keep build/fuzz
 
 .PHONY: rooms

@@ -146,7 +146,9 @@ def _caught() -> Iterator[Any]:
         quick = [name for name in kind.caught_by if name not in kind.slow]
         if quick:
             # One of every module, of few checks, stands for the others while one works on the suite.
-            stands = kind.__module__ not in modules and len(quick) == 1 and kind.__module__.rpartition(".")[2] not in LONG
+            stands = (
+                kind.__module__ not in modules and len(quick) == 1 and kind.__module__.rpartition(".")[2] not in LONG
+            )
             further = () if stands else (pytest.mark.thorough,)
             modules |= {kind.__module__} if not further else set()
             yield pytest.param(kind, quick, id=kind.name, marks=further)

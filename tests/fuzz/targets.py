@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 import splat_files
 from conversations import read_conversation, said
 from mutation import mutated
-from recordings import RecordingSeed, read_recording, recording_seeds, without_flushes
+from recordings import RecordingSeed, in_haste, read_recording, recording_seeds
 
 ROOT = Path(__file__).parents[2]
 
@@ -244,7 +244,7 @@ TARGETS: dict[str, Target] = {
     "scenes": Target(seeds=scene_seeds, read=read_scene, prepare=beside_scenes),
     "cameras": Target(seeds=camera_seeds, read=read_cameras),
     "conversations": Target(seeds=lambda: [plain("worker.jsonl", said())], read=read_conversation),
-    "recordings": Target(seeds=recording_seeds, read=read_recording, prepare=without_flushes),
+    "recordings": Target(seeds=recording_seeds, read=read_recording, prepare=in_haste),
 }
 HIDDEN: dict[str, Target] = {"faulty": FAULTY}
 """Not fuzzed unless somebody names them."""

@@ -16,9 +16,12 @@ def harness(*arguments):
 
 @linux
 @pytest.mark.thorough
-@pytest.mark.parametrize("target", ["splats", "scenes", "cameras"])
-def test_mutants_are_read_or_refused(target):
-    done = harness(target, "--count", "500")
+@pytest.mark.parametrize(
+    ("target", "count"),
+    [("splats", 500), ("scenes", 500), ("cameras", 500), ("conversations", 500), ("recordings", 150)],
+)
+def test_mutants_are_read_or_refused(target, count):
+    done = harness(target, "--count", str(count))
     assert done.returncode == 0, done.stdout + done.stderr
 
 
