@@ -7,8 +7,8 @@ whole: a commit, the header, the status.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,6 @@ GROUP = frozenset({"zarr_format", "node_type", "attributes"})
 """All that a group has. Consolidated metadata, which would speak for others, are none of it."""
 _DEEPEST = 16
 """Lists within lists; today's nodes have eight."""
-_STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*"')
-_NO_BRACKET = re.compile(rb"[^][{}]+")
 _TAIL = b'"}}'
 _SEAL = 8 + len(_TAIL)
 
@@ -68,13 +66,13 @@ def parsed(root: Path, key: str, content: bytes, rows: int = 0) -> Node:
         Where it is none, or deeper or of more parts than any that was written.
     """
     node: Any = None
-    brackets = _NO_BRACKET.sub(b"", _STRING.sub(b"", content))
     # Asked before it is parsed, which is what takes the memory.
-    if len(brackets) <= 2 * (_MOST_LISTS + rows) and _depth(brackets) <= _DEEPEST:
+    if content.count(b"[") + content.count(b"{") <= _MOST_LISTS + rows:
         with contextlib.suppress(ValueError, RecursionError):
             node = json.loads(content, parse_constant=_refuse_constant)
     if (
         not isinstance(node, dict)
+        or _is_deeper(node, _DEEPEST)
         or node.get("zarr_format") != 3
         or not isinstance(node.get("attributes"), dict)
         or (node.get("node_type") == "group" and node.keys() != GROUP)
@@ -137,16 +135,15 @@ def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
     replace_file(folder / "zarr.json", sealed(group(attributes)))
 
 
-def _depth(brackets: bytes) -> int:
-    """Lists and objects within each other, of the brackets of a JSON text."""
-    deepest = depth = 0
-    for bracket in brackets:
-        if bracket in b"[{":
-            depth += 1
-            deepest = max(deepest, depth)
-        else:
-            depth -= 1
-    return deepest
+def _is_deeper(node: Node, most: int) -> bool:
+    """Whether there are more lists and objects than that within each other."""
+    level: list[Any] = [node]
+    for _ in range(most):
+        values = itertools.chain.from_iterable(held.values() if isinstance(held, dict) else held for held in level)
+        level = [value for value in values if isinstance(value, (dict, list))]
+        if not level:
+            return False
+    return True
 
 
 def _refuse_constant(name: str) -> None:
