@@ -383,7 +383,23 @@ def _impossible(subject: Subject) -> Mapping[str, Callable[[], object]]:
         for name in own:
             torn = {key: value for key, value in own.items() if key != name}
             attempts[f"a checkpoint without its {name}"] = lambda torn=torn: _restarted(subject, problem, torn)
+            for what, array in _spoilt(own[name]).items():
+                spoilt = {**own, name: array}
+                attempts[f"a checkpoint whose {name} {what}"] = lambda spoilt=spoilt: _restarted(
+                    subject, problem, spoilt
+                )
     return attempts
+
+
+def _spoilt(array: Array) -> Mapping[str, Array]:
+    """What may stand in a file in the place of an array of a checkpoint, and what is wrong with it."""
+    spoilt = {"has another shape": np.zeros((2, *np.shape(array)))}
+    if np.size(array):
+        spoilt["is text"] = np.asarray(array).astype(str)
+        broken = np.array(array, dtype=np.float64)
+        broken.reshape(-1)[-1] = np.nan
+        spoilt["is not finite"] = broken
+    return spoilt
 
 
 def _restarted(subject: Subject, problem: PointProblem, checkpoint: Mapping[str, Array]) -> EngineSession:

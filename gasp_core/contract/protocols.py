@@ -104,11 +104,12 @@ class PointEngine(Protocol):
         options
             An instance of the engine's own `EngineDescriptor.options`; None where it has none.
         restart
-            A checkpoint of a session of the same problem.
+            A checkpoint of a session of the same problem. It comes out of a file: arrays that are missing, of another
+            shape, of text or not finite, and numbers that no run has written, are refused before they are used.
 
         Raises
         ------
         SceneError
-            Where the problem cannot be set up, e.g. a substep above the stable bound.
+            Where the problem cannot be set up, e.g. a substep above the stable bound, or the checkpoint is none of it.
         """
         ...

@@ -27,6 +27,7 @@ _MOST_FRAMES = 10**8
 _CORNERS = 4
 """Of a simplex, at most; so many points can a Gaussian have."""
 _NEIGHBOURS = 8
+_LONGEST_NAME = 1000
 _ROUNDING = 1e-4
 """Of the sum of eight weights in float32, with room for those of earlier versions."""
 
@@ -42,14 +43,15 @@ def check_header(header: Header) -> None:
     _expect(bool(header.objects) and bool(header.bodies), "it has no objects")
     _expect(_number(header.frame_rate) and header.frame_rate > 0, "frame_rate is no rate")
     _expect(_number(header.spacing) and header.spacing > 0, "spacing is no length")
-    strings = (header.gasp_version, header.scene, header.scene_digest, header.points_digest, *header.notes)
-    _expect(all(_text(text) for text in strings), "a text is none")
+    _expect(all(_text(text) for text in (header.scene, *header.notes)), "a text is none")
+    names = (header.gasp_version, header.scene_digest, header.points_digest)
+    _expect(all(_name(text) for text in names), "a name is none")
     _expect(header.maps.get("covariance") in ("exact", "gram_schmidt"), "covariance is no map")
     alpha = header.maps.get("alpha")
     _expect(alpha is None or (_number(alpha) and alpha > 0), "alpha is no bound")
     last = 0
     for item in header.objects:
-        _expect(_text(item.name) and _text(item.splat_digest), "an object has no name")
+        _expect(_name(item.name) and _name(item.splat_digest), "an object has no name")
         _expect(item.first == last and _count(item.last) and item.last >= item.first, "rows of the objects have gaps")
         _expect(item.placement is None or _placement(item.placement), "an object is placed nowhere")
         last = item.last
@@ -58,7 +60,10 @@ def check_header(header: Header) -> None:
         _expect(_PATH.fullmatch(key) is not None and ".." not in key, "it names a file that is none of its own")
         _expect(_check(entry).checksum is not None, "it does not know its files")
     engine = header.engine
-    _expect(_text(engine.name) and _text(engine.version), "the engine has no name")
+    told = (engine.name, engine.version, engine.device, engine.precision)
+    _expect(all(_name(text) for text in told), "the engine has no name")
+    _expect(type(engine.seed) is int and abs(engine.seed) < _MOST_ROWS**2, "the engine's seed is none")
+    _expect(type(engine.checkpoints) is bool, "whether the engine makes checkpoints is not said")
     _expect(_fields(engine.options), "the engine's options are none")
 
 
@@ -72,7 +77,7 @@ def _check_bodies(header: Header) -> None:
         item = header.objects[body.item]
         most = _CORNERS * (item.last - item.first)
         _expect(body.last - body.first <= most, "a body has more points than its Gaussians have corners")
-        _expect(_text(body.carrier) and type(body.drifts) is bool, "a body has no carrier")
+        _expect(_name(body.carrier) and type(body.drifts) is bool, "a body has no carrier")
         _expect(body.motion is None or _fields(body.motion), "a motion is none")
         last, before = body.last, body.item
 
@@ -142,7 +147,7 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
         _shape(arrays, "magnification", (count, body.vertices - 1), "f")
         _expect(bool((arrays["magnification"] > 0).all()), "magnification is none")
         _expect(points == count * body.vertices, "its points are not its vertices")
-        if any(name.startswith("gradients/") for name in arrays):
+        if body.drifts or any(name.startswith("gradients/") for name in arrays):
             _check_fit(arrays, "gradients", count, count)
         return
     number = 0
@@ -220,6 +225,11 @@ def _placement(value: Any) -> bool:
 
 def _text(value: Any) -> bool:
     return isinstance(value, str)
+
+
+def _name(value: Any) -> bool:
+    """Whether it is a text that may stand in a message."""
+    return isinstance(value, str) and len(value) <= _LONGEST_NAME and value.isprintable()
 
 
 def _fields(value: Any) -> bool:

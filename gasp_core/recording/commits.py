@@ -82,7 +82,7 @@ class Commits:
             return commit_of(attributes, frame, self._header)
         except FileNotFoundError:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is missing") from None
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is damaged ({error})") from None
 
     def _searched(self) -> Found:

@@ -14,6 +14,8 @@ from gasp_core.scene.digest import scene_digest
 
 __all__ = ["refuse_other"]
 
+_LONGEST = 60
+"""Characters of an option's value in a message."""
 _ADVICE = "run it anew, or under another name"
 
 
@@ -91,5 +93,5 @@ def _same_options(found: EngineRecord, descriptor: EngineDescriptor, options: An
 
 
 def _told(record: EngineRecord) -> str:
-    told = ", ".join(f"{name} = {value!r}" for name, value in sorted(record.options.items()))
+    told = ", ".join(f"{name} = {repr(value)[:_LONGEST]}" for name, value in sorted(record.options.items()))
     return f"({told})" if told else "(defaults)"

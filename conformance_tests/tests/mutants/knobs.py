@@ -75,6 +75,24 @@ class RefusesNothing(Mutant):
             return super().open(problem, accuracy=replace(accuracy, substep=None), **choices)
 
 
+@mutant("believes-its-checkpoint", {"refusals": r"a checkpoint whose \w+ is not finite is accepted"})
+class BelievesItsCheckpoint(Mutant):
+    """What is no number in a checkpoint counts as zero."""
+
+    def open(
+        self,
+        problem: PointProblem,
+        *,
+        accuracy: EngineAccuracy,
+        restart: Mapping[str, Array] | None = None,
+        **choices: Any,
+    ) -> Session:
+        if restart is not None:
+            numbers = {name: array for name, array in restart.items() if np.asarray(array).dtype.kind in "biuf"}
+            restart = {**restart, **{name: np.nan_to_num(array) for name, array in numbers.items()}}
+        return super().open(problem, accuracy=accuracy, restart=restart, **choices)
+
+
 @mutant("bare-errors", {"error-kinds": "ends with a bare KeyError"})
 class BareErrors(Mutant):
     """What it cannot use ends in whatever Python says."""

@@ -22,6 +22,7 @@ from gasp_blender.stepping import SLOWEST
 from gasp_blender.volume import kept_open, middle_gradients
 from gasp_core.contract import Driven, Impulse, Pinned, PointProblem, Wind
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 
 __all__ = ["CALM", "Elastic"]
 
@@ -167,25 +168,18 @@ class Elastic:
         SceneError
             Where it is of another scene.
         """
-        own = self.keep()
-        for name, array in own.items():
-            found = np.shape(kept[name]) if name in kept else "nothing"
-            if found != array.shape:
-                raise SceneError(
-                    f"the checkpoint holds {found} for {name}, expected {array.shape}: it belongs to another scene or"
-                    " engine; start the run anew"
-                )
-        self._state = np.array(kept["state"], np.float32)
+        arrays = checkpoint_arrays(kept, {name: np.shape(array) for name, array in self.keep().items()}, "blender")
+        self._state = arrays["state"].astype(np.float32)
         if self._meeting is not None:
-            self._meeting.faces = np.array(kept["faces"], np.int8)
-        self._frames.places = np.array(kept["origins"], np.float64)
-        self._frames.velocities = np.array(kept["drifts"], np.float64)
+            self._meeting.faces = arrays["faces"].astype(np.int8)
+        self._frames.places = arrays["origins"].astype(np.float64)
+        self._frames.velocities = arrays["drifts"].astype(np.float64)
         self._bonds = Bonds(
-            bound=np.array(kept["bound"], dtype=bool),
-            anchors=np.array(kept["anchors"], np.float64),
-            depths=np.array(kept["depths"], np.float64),
+            bound=arrays["bound"].astype(bool),
+            anchors=arrays["anchors"].astype(np.float64),
+            depths=arrays["depths"].astype(np.float64),
         )
-        self._grips = np.array(kept["grips"], np.float64)
+        self._grips = arrays["grips"].astype(np.float64)
 
     def close(self) -> None:
         """Let go of Blender's scene."""

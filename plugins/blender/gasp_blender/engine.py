@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.bpy_runtime import studio
@@ -19,6 +18,7 @@ from gasp_blender.spring_model import Matter, cloth_matter, elastic_matter
 from gasp_blender.warnings_for_users import notices
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 
 __all__ = ["Blender"]
 
@@ -100,8 +100,7 @@ def _longest_step(matter: Matter | None, rigid: bool, accuracy: EngineAccuracy) 
 
 def _restored(restart: Mapping[str, Array], parts: list[tuple[Array, Elastic | RigidBodies]]) -> float:
     """Set the parts to a checkpoint; its time [s]."""
-    if "time" not in restart or np.shape(restart["time"]) != ():
-        raise SceneError("the checkpoint holds no time: it belongs to another engine; start the run anew")
+    time = float(checkpoint_arrays(restart, {"time": ()}, "blender")["time"])
     for _, part in parts:
         part.restore(restart)
-    return float(restart["time"])
+    return time

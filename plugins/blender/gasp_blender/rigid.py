@@ -26,6 +26,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 
 __all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]
 
@@ -275,11 +276,10 @@ class RigidBodies:
         SceneError
             Where it is of another scene.
         """
-        steps, struck = np.asarray(kept.get("rigid_steps", 0.0)), np.asarray(kept.get("struck", 0.0))
-        if steps.shape[1:] != (3,) or struck.shape != self._struck.masses.shape:
-            raise SceneError(
-                "the checkpoint holds no rigid_steps: it belongs to another scene or engine; start the run anew"
-            )
+        count = np.size(kept.get("rigid_steps", ())) // 3
+        expected = {"rigid_steps": (count, 3), "struck": self._struck.masses.shape}
+        arrays = checkpoint_arrays(kept, expected, "blender")
+        steps, struck = arrays["rigid_steps"], arrays["struck"]
         self._struck.masses[:] = struck
         for now, end, step in steps.tolist():
             self.step(now, end, step)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Metal, PointProblem, Sand
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_genesis_mpm.affine_velocities import seeded_affine_velocities
-from gasp_genesis_mpm.grid_window import Window
+from gasp_genesis_mpm.grid_window import NODE_LIMIT, Window
 from gasp_genesis_mpm.particle_state import Motion
 
 __all__ = ["Start", "restored", "stored"]
@@ -60,24 +61,23 @@ def restored(restart: Mapping[str, Array] | None, problem: PointProblem, origin:
     if restart is None:
         return Start(time=0.0, motion=_beginning(problem, origin, spacing), window=None)
     count = len(problem.points)
-    shapes = {"cells": (count, 3), "velocities": (count, 3), "history": (count,)}
+    shapes: dict[str, tuple[int, ...]] = {"cells": (count, 3), "velocities": (count, 3), "history": (count,)}
     shapes |= {"affine_velocities": (count, 3, 3), "deformations": (count, 3, 3)}
-    for name, shape in {"time": (), "frame": (4,), "window": (2, 3), **shapes}.items():
-        found = np.shape(restart[name]) if name in restart else "nothing"
-        if found != shape:
-            raise SceneError(
-                f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
-                " start the run anew"
-            )
-    if not np.array_equal(restart["frame"], [*origin, spacing]):
+    shapes |= {"time": (), "frame": (4,), "window": (2, 3)}
+    kept = checkpoint_arrays(restart, shapes, "genesis-mpm")
+    if not np.array_equal(kept["frame"], [*origin, spacing]):
         raise SceneError(
             "the checkpoint was written for another scene or grid spacing: resume with the scene and accuracy the run"
             " was started with"
         )
-    shift, half = ((int(x), int(y), int(z)) for x, y, z in restart["window"])
-    motion = Motion(**{name: np.array(restart[name], dtype=np.float64) for name in _MOTION})
+    shift, half = ((int(x), int(y), int(z)) for x, y, z in kept["window"])
+    motion = Motion(**{name: kept[name].astype(np.float64) for name in _MOTION})
     window = Window(shift=shift, half=half)
-    return Start(time=float(restart["time"]), motion=motion, window=window)
+    if window.node_count > NODE_LIMIT or not window.holds(motion.cells):
+        raise SceneError(
+            "genesis-mpm: the checkpoint's grid does not hold its points: it is damaged; start the run anew"
+        )
+    return Start(time=float(kept["time"]), motion=motion, window=window)
 
 
 def _beginning(problem: PointProblem, origin: Array, spacing: float) -> Motion:

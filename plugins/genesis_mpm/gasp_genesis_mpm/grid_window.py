@@ -52,6 +52,11 @@ class Window:
     shift: tuple[int, int, int]
     half: tuple[int, int, int]
 
+    @property
+    def node_count(self) -> float:
+        """Nodes of the grid."""
+        return float(np.prod(2.0 * np.array(self.half, dtype=np.float64) + 1))
+
     @classmethod
     def around(cls, cells: Array) -> Self:
         """A window around points (N, 3), with room to move.

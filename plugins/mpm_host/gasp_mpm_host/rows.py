@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
@@ -68,21 +69,15 @@ class Rows:
             what no run has written: kernels trust its numbers of points, materials and cells.
         """
         count = len(materials)
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
             "cells": (count, 3),
             "rows": (count, at.POINT_WIDTH),
             "labels": (count, at.LABEL_WIDTH),
             "ids": (count,),
             "layout": (),
         }
-        for name, expected in shapes.items():
-            found = np.shape(checkpoint[name]) if name in checkpoint else None
-            if found != expected:
-                raise SceneError(
-                    f"{engine}: checkpoint array {name!r} has shape {found}, expected {expected}: the checkpoint"
-                    " belongs to another scene, engine or version; start without it"
-                )
-        layout, kept = int(checkpoint["layout"]), checkpoint["rows"].dtype
+        arrays = checkpoint_arrays(checkpoint, shapes, engine)
+        layout, kept = int(arrays["layout"]), arrays["rows"].dtype
         if layout != at.LAYOUT:
             raise SceneError(
                 f"{engine}: the checkpoint has layout {layout}, this version reads {at.LAYOUT}: go on with the"
@@ -94,10 +89,10 @@ class Rows:
                 " precision the run was started with"
             )
         rows = cls(
-            cells=np.array(checkpoint["cells"], dtype=np.float64),
-            points=np.array(checkpoint["rows"]),
-            labels=np.array(checkpoint["labels"], dtype=np.int32),
-            ids=np.array(checkpoint["ids"], dtype=np.int32),
+            cells=arrays["cells"].astype(np.float64),
+            points=arrays["rows"],
+            labels=arrays["labels"].astype(np.int32),
+            ids=arrays["ids"].astype(np.int32),
         )
         drift = rows.cells - 0.5 - rows.labels[:, at.HOME : at.HOME + 3]
         if not np.array_equal(np.sort(rows.ids), np.arange(count)):

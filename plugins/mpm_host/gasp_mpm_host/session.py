@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status, Wind
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import drives_at, force_fields_at
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
@@ -106,8 +107,9 @@ def _farthest(positions: Array) -> str:
 
 
 def _time_of(restart: Mapping[str, Array], frame: Array, engine: str) -> float:
-    if "time" in restart and np.array_equal(restart.get("frame", ()), frame):
-        return float(restart["time"])
+    kept = checkpoint_arrays(restart, {"time": (), "frame": frame.shape}, engine)
+    if np.array_equal(kept["frame"], frame):
+        return float(kept["time"])
     raise SceneError(
         f"{engine}: the checkpoint was written for another scene or grid spacing: resume with the scene and"
         " accuracy the run was started with"

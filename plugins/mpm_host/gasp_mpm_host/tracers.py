@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import PointCloud
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_mpm_host.cells import BLOCK, CellTables, blocks_in_reach, cell_keys, stable_order
 from gasp_mpm_host.rows import DAMAGED
 from gasp_mpm_host.scaling import Units
@@ -112,24 +113,16 @@ class TracerRows:
         SceneError
             Where the checkpoint is of another number of tracers, or says of them what no run has written.
         """
-        names = ("tracer_cells", "tracer_homes", "tracer_ids")
-        found = [np.shape(checkpoint[name]) if name in checkpoint else None for name in names]
-        if found != [(count, 3), (count, 3), (count,)]:
-            raise SceneError(
-                f"{engine}: the checkpoint's tracers have shapes {found}, the scene has {count} of them: the checkpoint"
-                " belongs to another scene, engine or version; start without it"
-            )
+        shapes = {"tracer_cells": (count, 3), "tracer_homes": (count, 3), "tracer_ids": (count,)}
+        arrays = checkpoint_arrays(checkpoint, shapes, engine)
         rows = cls(
-            cells=np.array(checkpoint["tracer_cells"], dtype=np.float64),
-            homes=np.array(checkpoint["tracer_homes"], dtype=np.int32),
-            ids=np.array(checkpoint["tracer_ids"], dtype=np.int32),
+            cells=arrays["tracer_cells"].astype(np.float64),
+            homes=arrays["tracer_homes"].astype(np.int32),
+            ids=arrays["tracer_ids"].astype(np.int32),
         )
         named = np.array_equal(np.sort(rows.ids), np.arange(count))
         # The farthest are homes of their own; what has drifted by more than a cell has been given another one.
-        there = (
-            np.isfinite(rows.cells).all()
-            and np.abs(homes_of(rows.cells).astype(np.int64) - rows.homes).max(initial=0) <= 1
-        )
+        there = np.abs(homes_of(rows.cells).astype(np.int64) - rows.homes).max(initial=0) <= 1
         if not (named and there):
             raise SceneError(f"{engine}: the checkpoint's tracers are not those of a run: {DAMAGED}")
         return rows

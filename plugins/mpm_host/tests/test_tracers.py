@@ -62,7 +62,7 @@ def test_a_tracer_beyond_all_numbers_rests():
 def test_a_checkpoint_with_other_tracers_is_refused():
     kept = TracerRows(cells=np.ones((3, 3)), homes=np.zeros((3, 3), np.int32), ids=np.arange(3, dtype=np.int32))
     assert np.array_equal(TracerRows.restored(kept.checkpoint(), 3, "an engine").cells, kept.cells)
-    with pytest.raises(SceneError, match=r"an engine.*4 of them"):
+    with pytest.raises(SceneError, match=r"an engine.*tracer_cells, expected \(4, 3\)"):
         TracerRows.restored(kept.checkpoint(), 4, "an engine")
     with pytest.raises(SceneError, match="start without"):
         TracerRows.restored({}, 1, "an engine")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
-from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.session import SteppedSession, StoppedError
 from gasp_core.stepping.time_step import substeps_to
 from gasp_mujoco_flex.model import Model
@@ -115,12 +115,6 @@ class MujocoSession(SteppedSession[Motion]):
 
 def _restored(motion: Motion, checkpoint: Mapping[str, Array]) -> float:
     expected = {"time": (), **{name: np.shape(array) for name, array in motion.checkpoint().items()}}
-    for name, shape in expected.items():
-        found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"
-        if found != shape:
-            raise SceneError(
-                f"mujoco-flex: the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene"
-                " or engine; start the run anew"
-            )
-    motion.restore(checkpoint)
-    return float(checkpoint["time"])
+    arrays = checkpoint_arrays(checkpoint, expected, "mujoco-flex")
+    motion.restore(arrays)
+    return float(arrays["time"])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_reference_mpm.grid import grid_excess, grid_origin
 from gasp_reference_mpm.material_points import Motion, matter_of
@@ -81,12 +82,6 @@ def _restored(checkpoint: Mapping[str, Array], points: PointCloud) -> tuple[floa
         "history": (count,),
         "tracers": np.shape(np.zeros((0, 3)) if points.tracer_positions is None else points.tracer_positions),
     }
-    for name, shape in {"time": (), **shapes}.items():
-        found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"
-        if found != shape:
-            raise SceneError(
-                f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
-                " start the run anew"
-            )
-    arrays = {name: np.array(checkpoint[name], dtype=np.float64) for name in shapes}
-    return float(checkpoint["time"]), Motion(**arrays)
+    arrays = checkpoint_arrays(checkpoint, {"time": (), **shapes}, "reference-mpm")
+    motion = Motion(**{name: arrays[name].astype(np.float64) for name in shapes})
+    return float(arrays["time"]), motion

@@ -97,7 +97,7 @@ def test_restart_and_second_run_are_bitwise_equal(material: Material) -> None:
 def test_a_checkpoint_of_another_scene_is_refused() -> None:
     scene, spacing = thrown(SOFT)
     saved = dict(opened(scene, spacing).checkpoint())
-    with pytest.raises(SceneError, match="belongs to another scene"):
+    with pytest.raises(SceneError, match="of another scene or engine"):
         opened(problem(box((1, 1, 1), spacing), spacing), spacing, restart=saved)
     del saved["velocities"]
     with pytest.raises(SceneError, match="nothing for velocities"):

@@ -37,8 +37,11 @@ from gasp_core.contract import (
     StepReport,
     Wind,
 )
+from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 
 STEPS_PER_SECOND = 1000
+MOST_STEPS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,13 @@ class Ballistic:
 class Session:
     def __init__(self, problem, options, restart):
         self.problem, self.options = problem, options
-        self.steps = 0 if restart is None else int(restart["steps"])
         points = problem.points
+        if restart is not None:
+            whole = {"steps": (), "x": points.reference_positions.shape, "v": points.reference_positions.shape}
+            restart = checkpoint_arrays(restart, whole, "ballistic")
+            if not 0 <= restart["steps"] < MOST_STEPS:
+                raise SceneError("ballistic: the checkpoint is of no time of a run")
+        self.steps = 0 if restart is None else int(restart["steps"])
         start = (points.reference_positions, points.initial_velocities)
         self.positions, self.velocities = (
             np.array(array) for array in (start if restart is None else (restart["x"], restart["v"]))

@@ -82,7 +82,7 @@ class TracerTests:
         problem = traced(falling(kit))
         with kit.open(problem, spacing=0.05) as session:
             kept = session.checkpoint()
-        with pytest.raises(SceneError, match="tracers are not those of a run: it is damaged"):
+        with pytest.raises(SceneError, match="tracers are not those of a run|not finite for tracer_cells"):
             kit.open(problem, spacing=0.05, restart={**kept, array: damage(np.array(kept[array]))})
 
     @pytest.mark.parametrize("precision", ["float32", "float64"])
@@ -98,7 +98,7 @@ class TracerTests:
             found = resumed.read(_ALL)
         assert same(found, expected)
         assert np.array_equal(found.tracer_positions, expected.tracer_positions)
-        with pytest.raises(SceneError, match="tracers"):
+        with pytest.raises(SceneError, match="tracer_"):
             kit.open(traced(falling(kit), 100), precision=precision, spacing=0.05, restart=kept)
 
     def test_any_number_of_threads_gives_the_same_bits(self, kit, monkeypatch):
