@@ -64,5 +64,5 @@ def test_a_checkpoint_with_other_tracers_is_refused():
     assert np.array_equal(TracerRows.restored(kept.checkpoint(), 3, "an engine").cells, kept.cells)
     with pytest.raises(SceneError, match=r"an engine.*tracer_cells, expected \(4, 3\)"):
         TracerRows.restored(kept.checkpoint(), 4, "an engine")
-    with pytest.raises(SceneError, match="start without"):
+    with pytest.raises(SceneError, match="holds nothing for tracer_cells"):
         TracerRows.restored({}, 1, "an engine")
