@@ -1,9 +1,13 @@
 """What checksums and checks cost a recording: opening it, reading a frame, writing one, verifying and resuming it.
 
     python benchmarks/recording_checksums.py [--frames 250] [--gaussians 100000] [--before FOLDER]
+    python benchmarks/recording_checksums.py --run [--engine NAME]
 
 `--before` names a checkout of an earlier GASP (its root, with gasp_core in it); the same is measured with it in a
 process of its own, in turns, and ratios are printed. Times are the least of several, flushing included in writing.
+
+`--run` drops a toy of so many Gaussians, every vertex a point, and prints what share of the run went into checksums, an
+upper bound: what `sealed` does besides its own checksum was done before too.
 """
 
 from __future__ import annotations
@@ -123,6 +127,42 @@ def measure(path: Path, frames: int, count: int) -> dict[str, float]:
     return found | {"verifying all of it": least(lambda: verify(path), 1)}
 
 
+def share_of_a_run(engine: str | None, count: int) -> None:
+    """Print the share of a run that its checksums take."""
+    import cProfile
+    import pstats
+
+    from gasp_core import Elastic, EngineAccuracy, EngineChoice, Scene, SplatObject, simulate
+    from gasp_core.toy import make_toy
+
+    jelly = Elastic(density=300, youngs_modulus=5e4, poissons_ratio=0.3)
+    toy = SplatObject(name="toy", splat=make_toy(count), material=jelly, height=0.3)
+    scene = Scene(
+        duration=0.4,
+        frame_rate=25.0,
+        objects=(toy,),
+        engine=EngineChoice(name=engine or "warp-mpm"),
+        accuracy=EngineAccuracy(resolution=32),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        simulate(scene, out=Path(folder) / "warm.gasp", frames=2, progress=False)
+        profile = cProfile.Profile()
+        start = time.perf_counter()
+        profile.runcall(simulate, scene, out=Path(folder) / "run.gasp", progress=False)
+        seconds = time.perf_counter() - start
+    spent = {
+        name: cumulative
+        for (file, _, name), (_, _, _, cumulative, _) in pstats.Stats(profile).stats.items()
+        if (file.endswith("recording/files.py") and name == "checksum")
+        or (file.endswith("recording/nodes.py") and name in ("sealed", "whole"))
+    }
+    told = ", ".join(f"{name} {1e3 * value:.1f} ms" for name, value in sorted(spent.items()))
+    share = sum(spent.values()) / seconds
+    print(
+        f"{scene.engine.name}, {count:,} Gaussians, 11 frames in {seconds:.1f} s: {told}: {100 * share:.2f} % of the run"
+    )
+
+
 def in_a_process(root: Path, frames: int, count: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, __file__, "--frames", str(frames), "--gaussians", str(count)]
@@ -142,8 +182,13 @@ def main() -> None:
     parser.add_argument("--gaussians", type=int, default=100_000)
     parser.add_argument("--before", type=Path)
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--run", action="store_true")
+    parser.add_argument("--engine")
     parser.add_argument("--only", type=Path, help=argparse.SUPPRESS)
     asked = parser.parse_args()
+    if asked.run:
+        share_of_a_run(asked.engine, asked.gaussians)
+        return
     if asked.only is not None:
         print(json.dumps(measure(asked.only, asked.frames, asked.gaussians)))
         return
