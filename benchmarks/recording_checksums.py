@@ -158,9 +158,7 @@ def share_of_a_run(engine: str | None, count: int) -> None:
     }
     told = ", ".join(f"{name} {1e3 * value:.1f} ms" for name, value in sorted(spent.items()))
     share = sum(spent.values()) / seconds
-    print(
-        f"{scene.engine.name}, {count:,} Gaussians, 11 frames in {seconds:.1f} s: {told}: {100 * share:.2f} % of the run"
-    )
+    print(f"{scene.engine.name}, {count:,} Gaussians, 11 frames in {seconds:.1f} s: {told}: {100 * share:.2f} % of it")
 
 
 def in_a_process(root: Path, frames: int, count: int) -> dict[str, float]:
