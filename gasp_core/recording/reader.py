@@ -142,7 +142,8 @@ class Recording:
 
     @cached_property
     def _stored_scene(self) -> tuple[Scene, tuple[str, ...]]:
-        return read_stored_scene(self.header.scene, file=f"{self.path} (scene)")
+        beside = self.path.absolute().parent
+        return read_stored_scene(self.header.scene, file=f"{self.path} (scene)", beside=beside)
 
     @cached_property
     def _maps(self) -> MapChoice:

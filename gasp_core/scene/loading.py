@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import re
@@ -29,6 +30,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
+from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
 from gasp_core.scene.model import Scene
@@ -37,6 +39,7 @@ from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
 from gasp_core.scene.schema import migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
+from gasp_core.scene.writing import MEMORY
 
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
@@ -98,8 +101,17 @@ def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
     return _read(Table(file, "", _tables(text, file)), folder)
 
 
-def read_stored_scene(text: str, *, file: str) -> tuple[Scene, tuple[str, ...]]:
-    """A scene that a recording has kept, whichever GASP wrote it; paths are taken as they are and not looked for.
+def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tuple[Scene, tuple[str, ...]]:
+    """A scene that a recording has kept, whichever GASP wrote it; paths are not looked for.
+
+    Parameters
+    ----------
+    text
+        TOML.
+    file
+        Named in messages.
+    beside
+        Folder that relative paths start at, see `scene_to_toml`. None: paths are taken as they are.
 
     Returns
     -------
@@ -115,7 +127,21 @@ def read_stored_scene(text: str, *, file: str) -> tuple[Scene, tuple[str, ...]]:
     """
     forgotten: list[str] = []
     scene = _read(StoredTable(file, "", _tables(text, file), forgotten), None)
-    return scene, tuple(forgotten)
+    return scene if beside is None else _placed_beside(scene, beside), tuple(forgotten)
+
+
+def _placed_beside(scene: Scene, folder: Path) -> Scene:
+    """The same with relative paths of files starting at a folder."""
+    objects = tuple(
+        item
+        if isinstance(item.splat, Gaussians) or str(item.splat).startswith(MEMORY)
+        else dataclasses.replace(item, splat=folder / item.splat)
+        for item in scene.objects
+    )
+    camera = scene.camera
+    if camera is not None and camera.file is not None:
+        camera = dataclasses.replace(camera, file=folder / camera.file)
+    return dataclasses.replace(scene, objects=objects, camera=camera)
 
 
 def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:

@@ -34,15 +34,23 @@ def gaussians_digest(gaussians: Gaussians) -> str:
     return digest.hexdigest()
 
 
-def scene_to_toml(scene: Scene) -> str:
-    """TOML text that `load_scene` reads back as an equal scene; paths of splats are made absolute.
+def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
+    """TOML text that `load_scene` reads back as an equal scene.
 
     Gaussians built in memory are written as ``memory:`` and a digest: they are in the recording, not in the text.
+
+    Parameters
+    ----------
+    scene
+        To be written.
+    beside
+        Folder that the text is for: paths of files below it start there, so that it can be moved with all in it. All
+        others are made absolute.
     """
     head = {"schema": SCHEMA, "duration": scene.duration, "frame_rate": scene.frame_rate, "gravity": scene.gravity}
     lines = ["[scene]", *_entries(head)]
     for item in scene.objects:
-        lines += ["", "[[object]]", *_entries(_object(item))]
+        lines += ["", "[[object]]", *_entries(_object(item, beside))]
     for collider in scene.colliders:
         lines += ["", "[[collider]]", *_entries(_collider(collider))]
     for drive in scene.drives:
@@ -56,17 +64,24 @@ def scene_to_toml(scene: Scene) -> str:
     if scene.camera is not None:
         values = _fields(scene.camera)
         if scene.camera.file is not None:
-            values["file"] = str(scene.camera.file.absolute())
+            values["file"] = _path(scene.camera.file, beside)
         lines += ["", "[camera]", *_entries(values)]
     return "\n".join(lines) + "\n"
 
 
-def _object(item: SplatObject) -> dict[str, Any]:
+def _path(path: Path, beside: Path | None) -> str:
+    here = path.absolute()
+    if beside is not None and here.is_relative_to(beside.absolute()):
+        return str(here.relative_to(beside.absolute()))
+    return str(here)
+
+
+def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     values = _fields(item)
     if isinstance(item.splat, Gaussians):
         values["splat"] = MEMORY + gaussians_digest(item.splat)
     elif not str(item.splat).startswith(MEMORY):
-        values["splat"] = str(item.splat.absolute())
+        values["splat"] = _path(item.splat, beside)
     if item.material is not None:
         values["material"] = {"model": item.material.kind, **_fields(item.material)}
     if item.motion is not None:

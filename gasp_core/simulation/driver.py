@@ -119,7 +119,7 @@ def simulate(
         _check_supported(without_code(scene), chosen)
     prepared = _check_supported(scene, chosen)
     wanted = scene.frame_count
-    header = header_of(scene, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
+    header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
             shown.say(note)

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,9 @@ def _flattening(body: Body) -> str:
 
 
 def header_of(
-    scene: Scene, prepared: Prepared, chosen: ChosenEngine, options: Any, notes_on_engine: Sequence[str]
+    scene: Scene, path: Path, prepared: Prepared, chosen: ChosenEngine, options: Any, notes_on_engine: Sequence[str]
 ) -> Header:
-    """The header of a recording of a scene that an engine runs with these options."""
+    """The header of the recording at a path, of a scene that an engine runs with these options."""
     assembly = prepared.assembly
     ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
     rows = {placed.item.name: index for index, placed in enumerate(prepared.objects)}
@@ -59,7 +60,7 @@ def header_of(
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(
         gasp_version=distribution_version("gasp-core"),
-        scene=scene_to_toml(scene),
+        scene=scene_to_toml(scene, path.absolute().parent),
         scene_digest=scene_digest(scene, prepared.digests),
         points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
         frame_rate=scene.frame_rate,

@@ -12,16 +12,38 @@ from hypothesis.extra import numpy as st_numpy
 
 from gasp_core import Recording, Reduction
 from gasp_core.errors import RecordingError
+from gasp_core.io import write_splat
 from gasp_core.recording.durable import folder_in_the_making, replace_file
 from gasp_core.recording.layout import VERSION
 from gasp_core.recording.lock import lock, locked
 from gasp_core.recording.nodes import sealed
 from gasp_core.recording.writer import split_displacements
+from gasp_core.scene.settings import CameraChoice
 
 
 @pytest.fixture
 def recorded(scene_of, run, tmp_path):
     return run(scene_of(duration=0.2), tmp_path / "a.gasp")
+
+
+def test_files_below_the_folder_of_a_recording_are_kept_by_where_they_lie_in_it(scene_of, cloud, run, tmp_path):
+    """So that the folder can be sent and moved, and says nothing of the machine it was on."""
+    here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
+    for folder in (here, elsewhere):
+        (folder / "splats").mkdir(parents=True)
+        write_splat(folder / "splats" / "a.ply", cloud())
+        (folder / "cameras.json").write_text("[]")
+    for folder in (here, elsewhere):
+        camera = CameraChoice(file=folder / "cameras.json")
+        run(scene_of(folder / "splats" / "a.ply", duration=0.08, camera=camera), here / f"{folder.name}.gasp")
+    assert str(tmp_path) not in (here / "here.gasp" / "zarr.json").read_text()
+    moved = here.rename(tmp_path / "moved")
+    scene = Recording.open(moved / "here.gasp").scene
+    assert scene.objects[0].splat == moved / "splats" / "a.ply"
+    assert scene.camera.file == moved / "cameras.json"
+    scene = Recording.open(moved / "elsewhere.gasp").scene
+    assert scene.objects[0].splat == elsewhere / "splats" / "a.ply"
+    assert scene.camera.file == elsewhere / "cameras.json"
 
 
 def edit(path, change):

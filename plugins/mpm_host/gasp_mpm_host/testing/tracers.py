@@ -82,7 +82,7 @@ class TracerTests:
         problem = traced(falling(kit))
         with kit.open(problem, spacing=0.05) as session:
             kept = session.checkpoint()
-        with pytest.raises(SceneError, match="tracers are not those of a run|not finite for tracer_cells"):
+        with pytest.raises(SceneError, match=r"tracers are not those of a run|not finite for tracer_cells"):
             kit.open(problem, spacing=0.05, restart={**kept, array: damage(np.array(kept[array]))})
 
     @pytest.mark.parametrize("precision", ["float32", "float64"])
