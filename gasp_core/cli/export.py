@@ -55,6 +55,7 @@ def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | N
     if every == (frame is not None):
         raise click.UsageError("say either --frame K or --all")
     from gasp_core import Recording
+    from gasp_core.recording.commits import numbered
 
     recording = Recording.open(run)
     if recording.frame_count == 0:
@@ -72,8 +73,11 @@ def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | N
         click.echo(path)
     else:
         folder = out if out is not None else Path(f"{stem}_frames")
-        frames = sorted({*range(recording.frame_count), *recording.lost, *recording.torn})
+        lost = set(recording.lost)
+        frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
         paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix])
+        if lost:
+            damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
         leave_out(damaged)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import ArrayNode, array_node, chunk_key, decoded, encoded, sound
-from gasp_core.recording.files import FileCheck, checksum, read_checked, read_file
+from gasp_core.recording.files import FileCheck, checksum, read_checked, read_file, short
 from gasp_core.recording.nodes import read_node, sealed, whole
 
 __all__ = ["checkpoint_files", "load_checkpoint", "read_checkpoint"]
@@ -88,11 +88,11 @@ def load_checkpoint(root: Path, frame: int, *, sealed: bool) -> dict[str, Array]
         missing = key if str(error.filename).endswith("zarr.json") else chunk
         raise RecordingError(f"{root}: {missing} is damaged: it is missing") from None
     except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
-        raise RecordingError(f"{root}: {key} is damaged: {_short(error)}") from None
+        raise RecordingError(f"{root}: {key} is damaged: {short(error)}") from None
     try:
         return _state(decoded(packed, node).tobytes(), names)
     except (ValueError, KeyError, TypeError, OSError, EOFError, MemoryError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{root}: {chunk} is damaged: {_short(error)}") from None
+        raise RecordingError(f"{root}: {chunk} is damaged: {short(error)}") from None
 
 
 def _state(content: bytes, names: list[Any]) -> dict[str, Array]:
@@ -103,7 +103,3 @@ def _state(content: bytes, names: list[Any]) -> dict[str, Array]:
         if len(arrays.files) != len(names) or not all(isinstance(name, str) for name in names):
             raise ValueError("its arrays are not those it names")
         return {name: arrays[f"a{index}"] for index, name in enumerate(names)}
-
-
-def _short(error: BaseException) -> str:
-    return (" ".join(str(error).split()) or type(error).__name__)[:120]

@@ -28,6 +28,7 @@ _CORNERS = 4
 """Of a simplex, at most; so many points can a Gaussian have."""
 _NEIGHBOURS = 8
 _LONGEST_NAME = 1000
+_LONGEST_PATH = 200
 _ROUNDING = 1e-4
 """Of the sum of eight weights in float32, with room for those of earlier versions."""
 
@@ -57,7 +58,8 @@ def check_header(header: Header) -> None:
         last = item.last
     _check_bodies(header)
     for key, entry in header.files.items():
-        _expect(_PATH.fullmatch(key) is not None and ".." not in key, "it names a file that is none of its own")
+        known = len(key) <= _LONGEST_PATH and _PATH.fullmatch(key) is not None and ".." not in key
+        _expect(known, "it names a file that is none of its own")
         _expect(_check(entry).checksum is not None, "it does not know its files")
     engine = header.engine
     told = (engine.name, engine.version, engine.device, engine.precision)
@@ -115,7 +117,8 @@ def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Comm
     means = [[*row] for row in found.body_displacements]
     _expect(len(means) == len(header.bodies) and all(len(row) == 3 for row in means), "it lacks displacements")
     _expect(all(_number(value) for row in means for value in row), "a displacement is no number")
-    _expect(len(found.degenerate) == len(header.bodies), "it lacks the rows without a frame")
+    lists = isinstance(found.degenerate, list) and all(isinstance(rows, list) for rows in found.degenerate)
+    _expect(lists and len(found.degenerate) == len(header.bodies), "it lacks the rows without a frame")
     for rows, body in zip(found.degenerate, header.bodies):
         item = header.objects[body.item]
         pairs = np.array(rows if rows else np.zeros((0, 2)), dtype=np.float64)

@@ -9,15 +9,16 @@ from pathlib import Path
 
 from gasp_core.errors import RecordingError
 from gasp_core.recording.checks import commit_of
+from gasp_core.recording.files import short
 from gasp_core.recording.layout import Commit, Header, commit_key
 from gasp_core.recording.nodes import read_attributes
 
-__all__ = ["Commits", "Found", "numbered"]
+__all__ = ["MOST_LOST", "Commits", "Found", "numbered"]
 
 _SPANS = 8
 """Stretches of frames that a message names."""
-_MOST_LOST = 100_000
-"""Frames that may be missing before the last: more is no recording that was damaged."""
+MOST_LOST = 10_000
+"""Frames that may be missing: with more of them it is no recording that was damaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +84,7 @@ class Commits:
         except FileNotFoundError:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is missing") from None
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-            raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is damaged ({error})") from None
+            raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is damaged ({short(error)})") from None
 
     def _searched(self) -> Found:
         """From the names in the folder."""
@@ -99,7 +100,7 @@ class Commits:
         while kept and not self._good(kept[-1]):
             torn.append(kept.pop())
         count = kept[-1] + 1 if kept else 0
-        if count - len(kept) > _MOST_LOST:
+        if count - len(kept) > MOST_LOST:
             raise RecordingError(f"{self._root}: commits are damaged: {count - len(kept):,} of them are missing")
         known = set(kept)
         return Found(

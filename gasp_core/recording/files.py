@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gasp_core.errors import RecordingError
+from gasp_core.io.format_errors import shown
 
-__all__ = ["FileCheck", "checksum", "files_below", "is_folder", "read_checked", "read_file"]
+__all__ = ["FileCheck", "checksum", "files_below", "is_folder", "read_checked", "read_file", "short"]
 
 _OPENING = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Not through a link, and without waiting for the other end of a pipe."""
 _MOST_ENTRIES = 10_000_000
 """Of a recording's folders in all."""
+_LONGEST_WORDS = 200
 _DEEPEST = 8
 """Folders within folders; today's recordings have five."""
 
@@ -39,6 +41,11 @@ class FileCheck:
         if self.checksum is not None and checksum(content) != self.checksum:
             return "its checksum is another"
         return ""
+
+
+def short(error: BaseException) -> str:
+    """What an error says, as a piece of a line; it may quote the file."""
+    return shown(" ".join(str(error).split()) or type(error).__name__)[:_LONGEST_WORDS]
 
 
 def checksum(content: bytes) -> int:

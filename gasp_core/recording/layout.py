@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from gasp_core.errors import RecordingError
-from gasp_core.recording.files import FileCheck
+from gasp_core.recording.files import FileCheck, short
 from gasp_core.recording.migrations import VERSION, migrated
 
 __all__ = [
@@ -179,7 +179,7 @@ class Header:
             if version >= CHECKED_FROM and not values["files"]:
                 raise ValueError("it does not know its files")
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise RecordingError(f"{path}: the header of the recording is damaged ({error})") from None
+            raise RecordingError(f"{path}: the header of the recording is damaged ({short(error)})") from None
         return cls(**values)
 
 

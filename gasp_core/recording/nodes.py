@@ -27,8 +27,8 @@ MOST_BYTES = 8 << 20
 _BYTES_OF_A_ROW = 48
 """Of a commit, for each simplex without a frame of its own: a pair of numbers."""
 _LONGEST = 1 << 30
-_MOST_LISTS = 1 << 19
-"""Lists and objects of a node. Empty ones take 24 times the memory that their text does."""
+_MOST_LISTS = 1 << 16
+"""Lists and objects of a node; seven for each object of a scene. They take up to 24 times the memory of their text."""
 GROUP = frozenset({"zarr_format", "node_type", "attributes"})
 """All that a group has. Consolidated metadata, which would speak for others, are none of it."""
 _DEEPEST = 16

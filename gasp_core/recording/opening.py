@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gasp_core.errors import RecordingError
 from gasp_core.recording.checks import check_header
+from gasp_core.recording.files import short
 from gasp_core.recording.layout import Header
 from gasp_core.recording.nodes import read_node, whole
 
@@ -34,5 +35,5 @@ def read_header(path: Path) -> Header:
     try:
         check_header(header)
     except (ValueError, TypeError, AttributeError) as error:
-        raise RecordingError(f"{path}: the header of the recording is damaged ({error})") from None
+        raise RecordingError(f"{path}: the header of the recording is damaged ({short(error)})") from None
     return header

@@ -17,7 +17,8 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
-from gasp_core.recording.commits import Commits, numbered
+from gasp_core.recording.commits import MOST_LOST, Commits, numbered
+from gasp_core.recording.files import short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
 from gasp_core.recording.nodes import read_attributes
@@ -118,6 +119,8 @@ class Recording:
         except RecordingError:
             return found.lost
         end = state["frames_wanted"] if state["state"] == "complete" else found.count
+        if end - found.count > MOST_LOST:
+            raise RecordingError(f"{self.path}: is damaged: {end:,} frames were finished, {found.count:,} are there")
         return (*found.lost, *range(found.count, end))
 
     @property
@@ -245,7 +248,7 @@ class Recording:
             check_carrier(arrays, entry, count)
             return kinds[entry.carrier].of(arrays)
         except (KeyError, TypeError, ValueError) as error:
-            raise RecordingError(f"{self.path}: bodies/{index} is damaged ({_short(error)})") from None
+            raise RecordingError(f"{self.path}: bodies/{index} is damaged ({short(error)})") from None
 
     def commit(self, frame: int) -> Commit:
         """The commit of a frame.
@@ -392,7 +395,3 @@ class Recording:
         except RecordingError as error:
             told = str(error).removeprefix(f"{self.path}: ").replace(" is damaged", "", 1)
             raise RecordingError(f"{self.path}: {name} of frame {commit.frame} is damaged: {told}") from None
-
-
-def _short(error: BaseException) -> str:
-    return (" ".join(str(error).split()) or type(error).__name__)[:120]

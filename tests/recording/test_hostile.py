@@ -10,12 +10,13 @@ import shutil
 import numpy as np
 import pytest
 
-from gasp_core import Recording, Reduction
+from gasp_core import Recording, RecordingChoice, Reduction
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import encoded
 from gasp_core.recording.files import checksum
 from gasp_core.recording.nodes import sealed
+from gasp_core.recording.verifying import verify
 
 COUNT = 700
 
@@ -244,3 +245,63 @@ def test_files_outside_are_not_named(path, name):
     (path / "zarr.json").write_bytes(sealed(header))
     with pytest.raises(RecordingError, match="names a file that is none of its own"):
         Recording.open(path)
+
+
+def forge_commit(path, change):
+    key = path / "commits" / "00000001" / "zarr.json"
+    node = json.loads(key.read_text())
+    change(node["attributes"])
+    key.write_bytes(sealed(node))
+
+
+@pytest.mark.parametrize("rows", [0, None, "", True, [0], [[1]], [[0, 700]], [[-1, 0]], [[0.5, 0]]])
+def test_rows_without_a_frame_that_are_none_are_refused(path, rows):
+    forge_commit(path, lambda commit: commit.update(degenerate=[rows]))
+    refused(path, r"commits/00000001/zarr\.json is damaged")
+    assert main(["verify", str(path)]) == 1
+
+
+@pytest.mark.parametrize("key", ["x" * 5000, "\x00", "\u202e", "a\nb"])
+def test_a_field_that_there_is_not_is_named_in_a_line(path, key, capsys):
+    forge_commit(path, lambda commit: commit.update({key: 1}))
+    refused(path, r"commits/00000001/zarr\.json is damaged")
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["objects"][0][key] = 1
+    (path / "zarr.json").write_bytes(sealed(header))
+    with pytest.raises(RecordingError, match="the header of the recording is damaged") as error:
+        Recording.open(path)
+    assert str(error.value).isprintable() and len(str(error.value)) < 1000
+
+
+def test_a_run_of_frames_that_there_are_not_is_refused_at_once(path, tmp_path):
+    node = json.loads((path / "status" / "zarr.json").read_text())
+    node["attributes"]["frames_wanted"] = 10**7
+    (path / "status" / "zarr.json").write_bytes(sealed(node))
+    assert main(["export", str(path), "--all", "--out", str(tmp_path / "out")]) == 2
+    assert main(["verify", str(path)]) in (1, 2)
+
+
+@pytest.mark.parametrize("placement", [{}, 3, {"rotation": [[1, 2], [3]], "scale": 1, "translation": [0, 0, 0]}])
+def test_a_placement_that_is_none_is_refused(path, placement):
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["objects"][0]["placement"] = placement
+    (path / "zarr.json").write_bytes(sealed(header))
+    with pytest.raises(RecordingError, match="an object is placed nowhere"):
+        Recording.open(path)
+
+
+def test_metadata_of_a_million_parts_are_not_parsed(path):
+    (path / "zarr.json").write_text('{"a": [' + "{}," * 1_000_000 + "0]}")
+    with pytest.raises(RecordingError, match=r"zarr\.json is damaged: it is no metadata"):
+        Recording.open(path)
+
+
+def test_velocities_that_are_damaged_cost_no_gaussians(scene_of, run, tmp_path):
+    path = tmp_path / "a.gasp"
+    run(scene_of(duration=0.08, recording=RecordingChoice(checkpoint_frames=1, velocities=True)), path)
+    (path / "frames" / "velocities" / "c.1.0.0").write_bytes(b"")
+    found = verify(path)
+    assert found.readable == (0, 1, 2) and found.lost == ()
+    assert [line.partition(" ")[0] for line in found.damaged] == ["frames/velocities/c.1.0.0"]
+    with pytest.raises(RecordingError, match=r"frames/velocities/c\.1\.0\.0"):
+        Recording.open(path).velocities(1)
