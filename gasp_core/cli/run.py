@@ -131,6 +131,9 @@ def run(
                 progress=False if as_json else None,
                 recorded=recorded,
             )
+            if recorded is not None and recording.frame_count:
+                # A run that was gone on with may have had all its frames already.
+                recorded(recording.frame_count - 1)
         if as_json:
             print_json(_outcome(recording))
         else:

@@ -67,6 +67,7 @@ class LiveFilm:
         frames: int | None = None,
     ) -> None:
         count = scene.frame_count if frames is None else min(frames, scene.frame_count)
+        self._count = count
         self._folder = folder
         self._scene = scene
         self._size = width, height
@@ -104,7 +105,7 @@ class LiveFilm:
         if self.problem:
             return
         try:
-            while self._next <= frame:
+            while self._next <= min(frame, self._count - 1):
                 self._paint(self._next)
                 self._next += 1
         except GaspError as error:

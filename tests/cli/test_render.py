@@ -81,6 +81,16 @@ def test_a_run_is_filmed_as_it_goes(gasp, workplace):
 
 
 @needs_renderer
+@pytest.mark.parametrize("there", [1, 2, 3])
+def test_a_run_that_is_gone_on_with_is_filmed_from_its_beginning(gasp, workplace, there):
+    """Killed between its last frame and the end of its film, too: then no frame is left to be computed."""
+    gasp("run", "scene.toml", "--frames", there)
+    outcome = gasp("run", "scene.toml", "--resume", "--render", "a.mp4", "--size", "64x36")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert frame_count("a.mp4") == 3
+
+
+@needs_renderer
 def test_an_unfinished_run_is_shown_as_far_as_it_came(gasp, workplace):
     gasp("run", "scene.toml", "--frames", 2)
     assert gasp("render", "scene.gasp", "-o", "a.mp4", "--size", "32").status == 0
