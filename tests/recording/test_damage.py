@@ -144,6 +144,18 @@ def test_a_torn_last_commit_is_dropped_and_the_run_goes_on_bit_for_bit(scene_of,
         assert same(again.gaussians(frame), whole.gaussians(frame))
 
 
+def test_whatever_of_a_last_commit_was_written_it_is_dropped(copy):
+    path = copy()
+    commit = path / "commits" / f"{FRAMES - 1:08d}" / "zarr.json"
+    content = commit.read_bytes()
+    for length in range(len(content)):
+        commit.write_bytes(content[:length])
+        found = Recording.open(path)
+        assert (found.frame_count, found.torn) == (FRAMES - 1, (FRAMES - 1,)), length
+    commit.write_bytes(content)
+    assert Recording.open(path).torn == ()
+
+
 @pytest.mark.parametrize("harm", [deleted, zeroed])
 @pytest.mark.parametrize("file", ["frames/displacements/c.6.0.0", "commits/00000006/zarr.json", "status/zarr.json"])
 def test_resuming_goes_back_to_the_last_good_frame_and_on_from_there(scene_of, run, tmp_path, file, harm):
