@@ -20,15 +20,21 @@ from gasp_conformance.specimens import NO_GRAVITY, lone_points, specimen
 from gasp_conformance.subject import Journal, Subject, finite_state
 from gasp_conformance.wall_cases import stiff_material
 from gasp_core.contract import (
+    Drive,
+    Driven,
     Elastic,
     EngineAccuracy,
     Field,
+    HalfSpace,
+    Impulse,
     Material,
     NeoHookean,
+    Pinned,
     PointCloud,
     PointProblem,
     PointState,
     Rigid,
+    SphereShape,
     Status,
     ViewingSession,
 )
@@ -42,6 +48,7 @@ __all__ = [
     "Velocities",
     "affine_gradients",
     "bodies_collide",
+    "driven_block",
     "flown_velocities",
     "resumed_run",
     "spinning_plate",
@@ -296,9 +303,21 @@ def spinning_plate(subject: Subject) -> Spinning:
     return Spinning(change=change, hidden=2 * 3 * spacing**2 * swing)
 
 
-def resumed_run(subject: Subject) -> Resumption:
-    """A swaying block, whose checkpoint at half time is written as plain arrays and read again."""
-    problem = swaying_block(subject)
+def driven_block(subject: Subject) -> PointProblem:
+    """A swaying block with one drive of each kind that is declared: what holds and what strikes is kept, too."""
+    drives: list[Drive] = [
+        Pinned(region=HalfSpace(point=tuple(_CORNER + 0.5 * SPACING), normal=(0.0, 0.0, 1.0)), start=0.02),
+        Driven(
+            region=SphereShape(center=tuple(_CORNER + 3 * SPACING), radius=SPACING), velocity=(0.3, 0.0, 0.2), end=0.1
+        ),
+        Impulse(region=SphereShape(center=tuple(_CORNER), radius=9.0), impulse=(0.02, 0.0, 0.01), start=0.03),
+    ]
+    declared = subject.descriptor.capabilities.drives
+    return replace(swaying_block(subject), drives=tuple(drive for drive in drives if type(drive) in declared))
+
+
+def resumed_run(subject: Subject, problem: PointProblem) -> Resumption:
+    """A run whose checkpoint at half time is written as plain arrays and read again."""
     shown = read_fields(subject)
     half, end = 0.07, 0.15
     with subject.open(problem, _ACCURACY, shown) as session:

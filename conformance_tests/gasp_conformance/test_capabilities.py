@@ -20,7 +20,7 @@ from gasp_conformance import capability_oracles as exact
 from gasp_conformance import forcing_cases, material_cases, readout_cases, wall_cases
 from gasp_conformance.bounds import place_rounding, rounding
 from gasp_conformance.checks import Level, check
-from gasp_conformance.core_cases import block_falls, difference, states_differ
+from gasp_conformance.core_cases import block_falls, difference, states_differ, swaying_block
 from gasp_conformance.declarations import ABSENT, declared
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.specimens import NO_GRAVITY
@@ -658,17 +658,21 @@ def test_angular_momentum(subject: Subject, ledger: Ledger, need: Need) -> None:
 def test_checkpoints(subject: Subject, ledger: Ledger, need: Need) -> None:
     """A run taken up from a checkpoint that has been through a file is the run that went on."""
     need(subject.descriptor.capabilities.checkpoints, "checkpoints")
-    found = readout_cases.resumed_run(subject)
-    assert found.begun_at == 0.07, f"taken up at {found.begun_at!r} s, written at 0.07 s"
-    assert found.untouched.time == 0.07
-    if subject.determinism is Determinism.BITWISE:
-        differing = states_differ(found.whole, found.resumed)
-        ledger.at_most("checkpoints", "arrays that are not equal bit for bit", len(differing), 0)
-    else:
-        reach = float(np.abs(found.whole.positions).max())
-        apart = difference(found.whole, found.resumed)
-        bound = place_rounding(subject, found.substeps, reach, reach)
-        ledger.at_most("checkpoints", "distance [m]", apart, bound)
+    scenes = {"checkpoints": swaying_block(subject)}
+    if subject.descriptor.capabilities.drives:
+        scenes["checkpoints, driven"] = readout_cases.driven_block(subject)
+    for name, problem in scenes.items():
+        found = readout_cases.resumed_run(subject, problem)
+        assert found.begun_at == 0.07, f"{name}: taken up at {found.begun_at!r} s, written at 0.07 s"
+        assert found.untouched.time == 0.07
+        if subject.determinism is Determinism.BITWISE:
+            differing = states_differ(found.whole, found.resumed)
+            ledger.at_most(name, "arrays that are not equal bit for bit", len(differing), 0)
+        else:
+            reach = float(np.abs(found.whole.positions).max())
+            apart = difference(found.whole, found.resumed)
+            bound = place_rounding(subject, found.substeps, reach, reach)
+            ledger.at_most(name, "distance [m]", apart, bound)
 
 
 # --- devices and precisions -----------------------------------------------------------------------------------------

@@ -397,7 +397,8 @@ def _spoilt(array: Array) -> Mapping[str, Array]:
     if np.size(array):
         spoilt["is text"] = np.asarray(array).astype(str)
         broken = np.array(array, dtype=np.float64)
-        broken.reshape(-1)[-1] = np.nan
+        # NaN may say something in an engine's own array, such as that nothing holds a point; infinite says nothing.
+        broken.reshape(-1)[-1] = np.nan if np.isfinite(broken).all() else np.inf
         spoilt["is not finite"] = broken
     return spoilt
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,11 @@ _ADVICE = "it is damaged, or of another scene or engine; start the run anew"
 
 
 def checkpoint_arrays(
-    checkpoint: Mapping[str, Array], expected: Mapping[str, tuple[int, ...]], engine: str
+    checkpoint: Mapping[str, Array],
+    expected: Mapping[str, tuple[int, ...]],
+    engine: str,
+    *,
+    may_be_nan: Collection[str] = (),
 ) -> dict[str, Array]:
     """Arrays of a checkpoint as numbers that an engine can take.
 
@@ -30,6 +34,8 @@ def checkpoint_arrays(
         Shapes of the arrays, by their names.
     engine
         Its name, for messages.
+    may_be_nan
+        Names of the arrays in which NaN says something, such as that a point is not held; infinite is nothing ever.
 
     Returns
     -------
@@ -49,7 +55,7 @@ def checkpoint_arrays(
             raise SceneError(f"{engine}: the checkpoint holds {found} for {name}, expected {shape}: {_ADVICE}")
         if kept.dtype.kind not in "biuf":
             raise SceneError(f"{engine}: the checkpoint holds no numbers for {name}, but {kept.dtype}: {_ADVICE}")
-        if not np.isfinite(kept).all():
+        if np.isinf(kept).any() or (name not in may_be_nan and np.isnan(kept).any()):
             raise SceneError(f"{engine}: the checkpoint holds numbers that are not finite for {name}: {_ADVICE}")
         arrays[name] = kept
     return arrays

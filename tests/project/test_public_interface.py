@@ -37,6 +37,7 @@ RENEW = "python tests/project/test_public_interface.py"
 MODULES = (
     "gasp_core.contract",
     "gasp_core.errors",
+    "gasp_core.stepping.checkpoint",
     "gasp_core.stepping.embedding",
     "gasp_core.stepping.enclosure",
     "gasp_core.stepping.forcing",

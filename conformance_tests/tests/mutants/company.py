@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineSession, PointProblem, StepReport
+from gasp_core.contract import EngineSession, Impulse, PointProblem, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]
@@ -121,6 +121,18 @@ class CheckpointForgetsVelocities(Mutant):
     """What goes on from a checkpoint starts at rest."""
 
     session = Amnesiac
+
+
+@mutant("strikes-twice", {"checkpoints": "checkpoints, driven"})
+class StrikesTwice(Mutant):
+    """What struck before the checkpoint strikes again after it."""
+
+    def open(self, problem: PointProblem, *, restart: Mapping[str, Array] | None = None, **choices: Any) -> Session:
+        if restart is not None:
+            now = float(restart["time"])
+            struck = (replace(drive, start=now) if isinstance(drive, Impulse) else drive for drive in problem.drives)
+            problem = replace(problem, drives=tuple(struck))
+        return super().open(problem, restart=restart, **choices)
 
 
 class Talking(Session):

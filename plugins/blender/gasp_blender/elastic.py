@@ -168,7 +168,8 @@ class Elastic:
         SceneError
             Where it is of another scene.
         """
-        arrays = checkpoint_arrays(kept, {name: np.shape(array) for name, array in self.keep().items()}, "blender")
+        expected = {name: np.shape(array) for name, array in self.keep().items()}
+        arrays = checkpoint_arrays(kept, expected, "blender", may_be_nan=("grips",))
         self._state = arrays["state"].astype(np.float32)
         if self._meeting is not None:
             self._meeting.faces = arrays["faces"].astype(np.int8)

@@ -278,7 +278,7 @@ class RigidBodies:
         """
         count = np.size(kept.get("rigid_steps", ())) // 3
         expected = {"rigid_steps": (count, 3), "struck": self._struck.masses.shape}
-        arrays = checkpoint_arrays(kept, expected, "blender")
+        arrays = checkpoint_arrays(kept, expected, "blender", may_be_nan=("struck",))
         steps, struck = arrays["rigid_steps"], arrays["struck"]
         self._struck.masses[:] = struck
         for now, end, step in steps.tolist():

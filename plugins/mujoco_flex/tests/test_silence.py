@@ -15,8 +15,8 @@ SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 RIGID = Rigid(density=1000.0)
 
 
-# MuJoCo takes more than 1e10 for lost, too.
-@pytest.mark.parametrize("lost", [np.nan, np.inf, 1e30])
+# MuJoCo takes more than 1e10 for lost; what is not finite is refused before it gets there.
+@pytest.mark.parametrize("lost", [2e10, 1e30])
 @pytest.mark.parametrize("material", [SOFT, RIGID], ids=lambda one: one.kind)
 def test_nothing_begins_anew_where_a_number_is_lost(
     block: Callable[..., PointProblem],

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Precision
-from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.session import SteppedSession, impulse_change
 from gasp_core.stepping.time_step import substeps_to
 
@@ -103,13 +103,7 @@ class Session(SteppedSession[Motion]):
 
 def _restored(checkpoint: Mapping[str, Array], bodies: Bodies, fresh: Motion) -> tuple[float, Motion]:
     """Time and motion of a checkpoint that has the arrays of a session of the same bodies."""
-    arrays: dict[str, Array] = asdict(fresh)
-    shapes = {name: np.shape(array) for name, array in arrays.items()}
-    for name, shape in {"time": (), "rows": np.shape(bodies.rows), **shapes}.items():
-        found = np.shape(checkpoint[name]) if name in checkpoint else "nothing"
-        if found != shape:
-            raise SceneError(
-                f"the checkpoint holds {found} for {name}, expected {shape}: it belongs to another scene or engine;"
-                " start the run anew"
-            )
-    return float(checkpoint["time"]), Motion(**{name: np.array(checkpoint[name], dtype=np.float64) for name in arrays})
+    motion: dict[str, Array] = asdict(fresh)
+    own = {"time": np.zeros(()), "rows": bodies.rows, **motion}
+    arrays = checkpoint_arrays(checkpoint, {name: np.shape(array) for name, array in own.items()}, "my-engine")
+    return float(arrays["time"]), Motion(**{name: arrays[name].astype(np.float64) for name in motion})
