@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
 
 __all__ = ["DAMAGED", "verify"]
@@ -29,6 +30,7 @@ them: they do not tell who wrote a recording.
 )
 @click.argument("run", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
+@most_memory_option
 def verify(run: Path, as_json: bool) -> None:
     """Look at every file of a recording, and say what is damaged.
 

@@ -135,9 +135,13 @@ def array_node(
     }
 
 
-def pieces(values: Array) -> tuple[ArrayNode, dict[str, Array]]:
-    """An array that is written once, as its metadata and its chunks by the names of their files."""
-    node = ArrayNode(shape=values.shape, chunks=usual_chunks(values.shape), dtype=values.dtype.newbyteorder("<"))
+def pieces(values: Array, chunks: tuple[int, ...] | None = None) -> tuple[ArrayNode, dict[str, Array]]:
+    """An array that is written once, as its metadata and its chunks by the names of their files.
+
+    `chunks` is their shape, the usual one where it is None.
+    """
+    chunks = chunks or usual_chunks(values.shape)
+    node = ArrayNode(shape=values.shape, chunks=chunks, dtype=values.dtype.newbyteorder("<"))
     return node, {chunk_key(place): _padded(values[node.slices(place)], node.chunks) for place in node.places()}
 
 

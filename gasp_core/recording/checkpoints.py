@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
-from gasp_core.recording.arrays import ArrayNode, array_node, chunk_key, decoded, encoded, sound
+from gasp_core.recording.arrays import ArrayNode, array_node, chunk_key, decoded, encoded, pieces, sound
 from gasp_core.recording.files import FileCheck, checksum, read_checked, read_file, short
 from gasp_core.recording.nodes import read_node, sealed, whole
 
@@ -20,7 +20,9 @@ __all__ = ["checkpoint_files", "load_checkpoint", "read_checkpoint"]
 
 Array = NDArray[Any]
 
-_CHUNK = chunk_key((0,))
+_LARGEST_CHUNK = 1 << 30
+"""Bytes of a state in one file; Blosc packs less than twice as many."""
+_MOST_CHUNKS = 1 << 10
 _STEEPEST = 256
 """Bytes that a byte of LZ4 can become."""
 _SPARE = 1 << 20
@@ -33,10 +35,12 @@ def checkpoint_files(state: Mapping[str, Array]) -> dict[str, bytes]:
     arrays: dict[str, Any] = {f"a{index}": np.asarray(array) for index, array in enumerate(state.values())}
     np.savez(packed, **arrays)
     values = np.frombuffer(packed.getbuffer(), dtype=np.uint8)
-    chunk = encoded(values, "lz4", "bitshuffle")
-    node = ArrayNode(shape=values.shape, chunks=values.shape, dtype=values.dtype)
-    attributes = {"names": list(state), "files": {_CHUNK: [len(chunk), checksum(chunk)]}}
-    return {_CHUNK: chunk, "zarr.json": sealed(array_node(node, attributes, "lz4", "bitshuffle"))}
+    count = -(-len(values) // _LARGEST_CHUNK)
+    # Equal ones: the last is filled up with zeros.
+    node, chunks = pieces(values, (-(-len(values) // count),))
+    files = {key: encoded(chunk, "lz4", "bitshuffle") for key, chunk in chunks.items()}
+    attributes = {"names": list(state), "files": {key: [len(file), checksum(file)] for key, file in files.items()}}
+    return {**files, "zarr.json": sealed(array_node(node, attributes, "lz4", "bitshuffle"))}
 
 
 def read_checkpoint(root: Path, frame: int, *, sealed: bool) -> dict[str, Array]:
@@ -64,35 +68,53 @@ def load_checkpoint(root: Path, frame: int, *, sealed: bool) -> dict[str, Array]
     RecordingError
         Where it is damaged; the message names the file.
     """
-    folder = f"checkpoints/{frame:08d}"
-    key, chunk = f"{folder}/zarr.json", f"{folder}/{_CHUNK}"
+    folder = root / "checkpoints" / f"{frame:08d}"
+    file = folder / "zarr.json"
     try:
-        found, content = read_node(root, key)
+        found, content = read_node(root, _key(root, file))
         if sealed and not whole(content):
-            raise RecordingError(f"{root}: {key} is damaged: its checksum is another")
+            raise RecordingError(f"{root}: {_key(root, file)} is damaged: its checksum is another")
         node = ArrayNode.of(found)
-        if node.dtype.name != "uint8" or len(node.shape) != 1 or node.chunks != node.shape:
+        if node.dtype.name != "uint8" or len(node.shape) != 1 or node.shape[0] > _MOST_CHUNKS * node.chunks[0]:
             raise ValueError("it is no state of an engine")
         names: list[Any] = found["attributes"]["names"]
-        size = (root / chunk).lstat().st_size
-        if node.size > _SPARE + _STEEPEST * size:
+        checks: dict[str, Any] | None = found["attributes"].get("files")
+        if checks is None and sealed:
+            raise ValueError("it does not say what its files are")
+        chunks = [folder / chunk_key(place) for place in node.places()]
+        size = 0
+        for file in chunks:
+            size += file.lstat().st_size
+        file = folder / "zarr.json"
+        if node.chunk_size * len(chunks) > _SPARE + _STEEPEST * size:
             raise ValueError("it would unpack to more than it can mean")
-        if not sealed and "files" not in found["attributes"]:
-            packed = read_file(root, chunk, size)
-            if not sound(packed):
-                raise RecordingError(f"{root}: {chunk} is damaged: its checksum is another")
-        else:
-            size, found_checksum = found["attributes"]["files"][_CHUNK]
-            packed = read_checked(root, chunk, FileCheck(size=size, checksum=found_checksum))
-    except FileNotFoundError as error:
-        missing = key if str(error.filename).endswith("zarr.json") else chunk
-        raise RecordingError(f"{root}: {missing} is damaged: it is missing") from None
+        packed: list[bytes] = []
+        for file in chunks:
+            packed.append(_packed(root, file, None if checks is None else checks[file.name]))
+    except FileNotFoundError:
+        raise RecordingError(f"{root}: {_key(root, file)} is damaged: it is missing") from None
     except (ValueError, KeyError, TypeError, IndexError, OSError) as error:
-        raise RecordingError(f"{root}: {key} is damaged: {short(error)}") from None
+        raise RecordingError(f"{root}: {_key(root, file)} is damaged: {short(error)}") from None
     try:
-        return _state(decoded(packed, node).tobytes(), names)
+        return _state(b"".join(decoded(chunk, node).tobytes() for chunk in packed)[: node.size], names)
     except (ValueError, KeyError, TypeError, OSError, EOFError, MemoryError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{root}: {chunk} is damaged: {short(error)}") from None
+        raise RecordingError(f"{root}: {_key(root, folder)} is damaged: {short(error)}") from None
+
+
+def _key(root: Path, file: Path) -> str:
+    return file.relative_to(root).as_posix()
+
+
+def _packed(root: Path, file: Path, check: Any) -> bytes:
+    """A chunk's file, of a length and a checksum; before version 6 the chunk alone says whether it is whole."""
+    key = _key(root, file)
+    if check is not None:
+        size, found = check
+        return read_checked(root, key, FileCheck(size=size, checksum=found))
+    content = read_file(root, key, file.lstat().st_size)
+    if not sound(content):
+        raise RecordingError(f"{root}: {key} is damaged: its checksum is another")
+    return content
 
 
 def _state(content: bytes, names: list[Any]) -> dict[str, Array]:

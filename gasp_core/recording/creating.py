@@ -14,7 +14,7 @@ from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import ArrayNode, array_node, encoded, pieces
 from gasp_core.recording.files import checksum
 from gasp_core.recording.layout import Header
-from gasp_core.recording.nodes import MOST_BYTES, group, sealed, write_attributes
+from gasp_core.recording.nodes import group, is_readable, sealed, write_attributes
 
 __all__ = ["create_store"]
 
@@ -71,7 +71,7 @@ def create_store(
     write_attributes(folder / "status", {"state": "running", "reason": "", "frames_wanted": frames_wanted})
     begun = dataclasses.replace(header, files=files)
     content = sealed(group(begun.attributes()))
-    if len(content) > MOST_BYTES:
+    if not is_readable(content):
         raise RecordingError(f"{len(header.objects):,} objects are more than a recording can name: use fewer")
     (folder / "zarr.json").write_bytes(content)
     return begun

@@ -17,18 +17,19 @@ from gasp_core.errors import RecordingError
 from gasp_core.recording.durable import replace_file
 from gasp_core.recording.files import checksum, read_file
 
-__all__ = ["GROUP", "MOST_BYTES", "group", "parsed", "read_attributes", "read_node", "sealed", "whole"]
-__all__ += ["write_attributes"]
+__all__ = ["GROUP", "MOST_BYTES", "group", "is_readable", "parsed", "read_attributes", "read_node", "sealed"]
+__all__ += ["whole", "write_attributes"]
 
 Node = dict[str, Any]
 
 MOST_BYTES = 8 << 20
-"""Of a node: the header of a scene of a thousand objects has two million."""
+"""Of a node: the header of a scene of three thousand objects has six million."""
 _BYTES_OF_A_ROW = 48
 """Of a commit, for each simplex without a frame of its own: a pair of numbers."""
 _LONGEST = 1 << 30
-_MOST_LISTS = 1 << 16
-"""Lists and objects of a node; seven for each object of a scene. They take up to 24 times the memory of their text."""
+_MOST_LISTS = 1 << 18
+"""Lists and objects of a node: 20 for each object of a scene, 80 with cores of four levels. They take up to 24 times
+the memory of their text."""
 GROUP = frozenset({"zarr_format", "node_type", "attributes"})
 """All that a group has. Consolidated metadata, which would speak for others, are none of it."""
 _DEEPEST = 16
@@ -67,7 +68,7 @@ def parsed(root: Path, key: str, content: bytes, rows: int = 0) -> Node:
     """
     node: Any = None
     # Asked before it is parsed, which is what takes the memory.
-    if content.count(b"[") + content.count(b"{") <= _MOST_LISTS + rows:
+    if _lists(content) <= _MOST_LISTS + rows:
         with contextlib.suppress(ValueError, RecursionError):
             node = json.loads(content, parse_constant=_refuse_constant)
     if (
@@ -133,6 +134,16 @@ def write_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
     """Make a folder a Zarr group of these attributes, sealed, in one step."""
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / "zarr.json", sealed(group(attributes)))
+
+
+def is_readable(content: bytes) -> bool:
+    """Whether a header is none too long, and of none too many parts, to be read again."""
+    return len(content) <= MOST_BYTES and _lists(content) <= _MOST_LISTS
+
+
+def _lists(content: bytes) -> int:
+    """At least as many as there are lists and objects."""
+    return content.count(b"[") + content.count(b"{")
 
 
 def _is_deeper(node: Node, most: int) -> bool:

@@ -31,6 +31,10 @@ _SPARE = 64
 """Bytes that packing may add to a chunk, and a share of it in `_longest`."""
 
 
+class TooLargeError(RecordingError):
+    """A recording that would take more memory than it may; nothing of it need be damaged."""
+
+
 class Store:
     """The arrays of a recording, each checked against what the header says before it is unpacked."""
 
@@ -220,11 +224,11 @@ class Store:
 
         All else is bounded by their number.
         """
-        shape = self._node("reference/harmonics").shape
+        bases = math.prod(self._node("reference/harmonics").shape[1:2])
         try:
-            refuse_too_large(self._root, sum(map(self._size, self._reference_files())), self.rows, math.prod(shape[1:]))
+            refuse_too_large(self._root, sum(map(self._size, self._reference_files())), self.rows, bases)
         except SplatFormatError as error:
-            raise RecordingError(str(error)) from None
+            raise TooLargeError(str(error)) from None
         return True
 
     def frame_names(self) -> list[str]:

@@ -14,7 +14,7 @@ from gasp_core.recording.files import files_below, is_folder, read_checked, read
 from gasp_core.recording.layout import commit_key
 from gasp_core.recording.nodes import MOST_BYTES, whole
 from gasp_core.recording.reader import Recording
-from gasp_core.recording.store import Store
+from gasp_core.recording.store import Store, TooLargeError
 
 __all__ = ["Verdict", "leading_frames", "readable_frames", "refuse_damaged", "verify"]
 
@@ -150,6 +150,8 @@ def _faults_of_all(recording: Recording) -> Iterator[str]:
         # Whole, and yet not what it must be; before version 6 that is all that can be known.
         try:
             _ = (recording.start_points, recording.bodies)
+        except TooLargeError:
+            raise
         except GaspError as error:
             yield _told(recording, error)
 

@@ -34,8 +34,10 @@ __all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
 Array = NDArray[Any]
 
 _KEPT_CHECKPOINTS = 2
-_FILES = re.compile(rf"(zarr\.json|c(\.[0-9]+)*|[0-9]+(\.[0-9]+)*)(\.part)?|{re.escape(MARK)}")
-"""Names of all files that recordings of any version have."""
+_FILES = re.compile(
+    rf"(zarr\.json|c(\.[0-9]+)*|[0-9]+(\.[0-9]+)*)(\.part|\.[0-9a-f]{{32}}\.partial)?|{re.escape(MARK)}"
+)
+"""Names of all files that recordings of any version have, and of what killed runs leave of them."""
 
 
 def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from gasp_core import Gaussians, Recording, RecordingChoice, Reduction, simulate
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
 from gasp_core.io import read_splat, write_splat
+from gasp_core.recording.checkpoints import load_checkpoint
 from gasp_core.recording.verifying import verify
 
 FRAMES = 4
@@ -208,3 +209,36 @@ def test_a_version_that_damage_made_an_earlier_one_does_not_do_away_with_checksu
     header.write_bytes(content.replace(b'"version": 6', b'"version": ' + version.encode()))
     with pytest.raises(RecordingError, match=r"zarr\.json is damaged: its checksum is another"):
         Recording.open(path)
+
+
+def test_a_state_that_is_too_large_for_a_file_lies_in_several(scene_of, run, tmp_path, monkeypatch):
+    scene = scene_of(recording=RecordingChoice(checkpoint_frames=2))
+    whole = run(scene, tmp_path / "whole.gasp")
+    # Blosc packs less than 2 GiB; the boundary is what is tried here.
+    monkeypatch.setattr("gasp_core.recording.checkpoints._LARGEST_CHUNK", 2500)
+    path = tmp_path / "a.gasp"
+    run(scene, path, frames=8)
+    last = max((path / "checkpoints").glob("0*"))
+    files = sorted(file.name for file in last.glob("c.*"))
+    assert len(files) > 2 and load_checkpoint(path, int(last.name), sealed=True)["x"].ndim
+    assert verify(path).damaged == ()
+    again = run(scene, shutil.copytree(path, tmp_path / "b.gasp"), resume=True)
+    for frame in range(whole.frame_count):
+        assert same(again.gaussians(frame), whole.gaussians(frame))
+    for harm in (zeroed, deleted):
+        harm(last / files[1])
+        (fault,) = verify(path).damaged
+        assert fault.startswith(f"checkpoints/{last.name}/{files[1]} is damaged: ")
+
+
+def test_a_recording_that_would_take_too_much_memory_is_not_called_damaged(whole, capsys):
+    assert main(["verify", str(whole), "--most-memory", "1K"]) == 2
+    assert "--most-memory" in (said := capsys.readouterr().err) and "damaged" not in said
+    assert main(["verify", str(whole), "--most-memory", "1G"]) == 0
+
+
+def test_the_memory_of_a_recording_is_reckoned_as_that_of_its_splat(whole, monkeypatch):
+    asked = []
+    monkeypatch.setattr("gasp_core.recording.store.refuse_too_large", lambda *given: asked.append(given[2:]))
+    reference = Recording.open(whole).reference
+    assert asked == [reference.harmonics.shape[:2]]

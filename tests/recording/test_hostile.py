@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import pickle
@@ -14,8 +15,9 @@ from gasp_core import Recording, RecordingChoice, Reduction
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import encoded
+from gasp_core.recording.creating import create_store
 from gasp_core.recording.files import checksum
-from gasp_core.recording.nodes import sealed
+from gasp_core.recording.nodes import group, parsed, sealed
 from gasp_core.recording.verifying import verify
 
 COUNT = 700
@@ -294,6 +296,16 @@ def test_metadata_of_a_million_parts_are_not_parsed(path):
     (path / "zarr.json").write_text('{"a": [' + "{}," * 1_000_000 + "0]}")
     with pytest.raises(RecordingError, match=r"zarr\.json is damaged: it is no metadata"):
         Recording.open(path)
+
+
+def test_a_scene_of_many_objects_is_read_again_and_one_of_too_many_is_not_begun(path, tmp_path):
+    header = Recording.open(path).header
+    many = dataclasses.replace(header, objects=header.objects * 3000, bodies=header.bodies * 3000)
+    content = sealed(group(many.attributes()))
+    assert len(content) > 1 << 20 and parsed(path, "zarr.json", content)["attributes"]["objects"]
+    more = dataclasses.replace(header, objects=header.objects * 30_000)
+    with pytest.raises(RecordingError, match=r"30,000 objects are more than a recording can name"):
+        create_store(tmp_path / "new", more, {}, {}, 1)
 
 
 def test_velocities_that_are_damaged_cost_no_gaussians(scene_of, run, tmp_path):

@@ -55,3 +55,12 @@ def test_a_recording_that_somebody_keeps_a_file_in_is_not_replaced(run, scene_of
     (path / where / "thesis.txt").unlink()
     run(scene_of(), path, overwrite=True)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.gasp"]
+
+
+def test_what_killed_runs_of_earlier_versions_left_in_a_recording_is_replaced_along(run, scene_of, tmp_path):
+    path = tmp_path / "run.gasp"
+    run(scene_of(), path)
+    for name in ("c.5.0.0.part", f"c.5.0.0.{'0a' * 16}.partial"):
+        (path / "frames" / "displacements" / name).write_bytes(b"half")
+    run(scene_of(), path, overwrite=True)
+    assert not [*path.rglob("*.part*")]

@@ -10,6 +10,7 @@ from typing import cast
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.errors import RenderingError
 from gasp_core.scene.objects import UP_AXES, UpAxis
 from gasp_viewer.colouring import COLOURINGS
@@ -62,6 +63,7 @@ In the page: drag turns, drag with the right button shifts, the wheel zooms.
     show_default=True,
     help="And in which colours.",
 )
+@most_memory_option
 def view(path: Path, host: str, port: int, opens: bool, up: str | None, layer: str, colouring: str) -> None:
     """Show a run or a splat file in the browser, until Ctrl-C.
 
