@@ -68,6 +68,14 @@ def test_only_what_is_asked_for_comes_back_and_is_ours(isolated, opened, problem
     assert not np.shares_memory(first.positions, second.positions)
 
 
+def test_tracers_that_a_problem_does_not_have_are_none(isolated, opened, problem):
+    without = dataclasses.replace(problem, points=dataclasses.replace(problem.points, tracer_positions=None))
+    with opened(isolated, without) as session:
+        state = session.read(ALL)
+        assert state.tracer_positions is None and state.velocities is not None
+        session.advance_to(0.2)
+
+
 def test_what_the_engine_is_given_is_what_was_asked_for(isolated, opened, problem, told, frail):
     from gasp_core.contract import (
         BoxShape,

@@ -135,7 +135,8 @@ class WorkerEngine:
         except BaseException:
             self.take_back(worker)
             raise
-        return WorkerSession(worker, time, shapes_of(problem), self._limits, weakref.WeakMethod(self.take_back))
+        shapes = shapes_of(problem, self._descriptor.capabilities.output_fields)
+        return WorkerSession(worker, time, shapes, self._limits, weakref.WeakMethod(self.take_back))
 
     def probe(self) -> None:
         """Start a worker and end it.

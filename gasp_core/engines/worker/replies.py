@@ -7,6 +7,7 @@ between its lines: an answer is JSON of whatever shape. Every function here retu
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Mapping
 from typing import Any, cast
@@ -31,6 +32,8 @@ _FIELDS = {
     "solver_residual",
 }
 _MOST_AXES = 32
+_TYPE = re.compile(r"[<>|=]?[biufcSU][1-9][0-9]{0,8}")
+"""As NumPy writes those that are numbers or text in the memory itself: an object would be an address."""
 
 
 def failure(told: Any) -> Exception | str:
@@ -67,14 +70,17 @@ def report(plain: Any) -> StepReport:
     _expect(status in Status.__members__, "the status is none")
     warnings = _list(_mapping(fields.get("warnings", {"items": []}), "warnings").get("items"), "warnings")
     residual = fields.get("solver_residual")
+    substeps = _count(fields.get("substep_count"), "substep_count")
+    # Of what failed, or of no steps at all, sizes may be whatever the engine's sums began with.
+    size = _number if substeps and Status[status] is Status.OK else _real
     return StepReport(
         status=Status[status],
-        substep_count=_count(fields.get("substep_count"), "substep_count"),
-        smallest_substep=_number(fields.get("smallest_substep"), "smallest_substep"),
-        largest_substep=_number(fields.get("largest_substep"), "largest_substep"),
+        substep_count=substeps,
+        smallest_substep=size(fields.get("smallest_substep"), "smallest_substep"),
+        largest_substep=size(fields.get("largest_substep"), "largest_substep"),
         warnings=tuple(shown(_text(warning, "a warning")) for warning in warnings),
         solver_iterations=_count(fields.get("solver_iterations", 0), "solver_iterations"),
-        solver_residual=None if residual is None else _number(residual, "solver_residual"),
+        solver_residual=None if residual is None else _real(residual, "solver_residual"),
     )
 
 
@@ -85,12 +91,11 @@ def any_layout(done: Any) -> Layout:
         told = _list(entry, f"the place of {shown(name)}")
         _expect(len(told) == 3, f"{shown(name)} lies nowhere")
         kind, shape, offset = told
+        _expect(_TYPE.fullmatch(_text(kind, "a type")) is not None, f"{shown(name)} is of no type that is sent")
         try:
-            dtype = np.dtype(_text(kind, "a type"))
+            dtype = np.dtype(kind)
         except TypeError:
             raise ValueError(f"{shown(name)} is of no type") from None
-        # Only what is a number or text in the memory itself: an object would be an address.
-        _expect(dtype.kind in "biufcSU", f"{shown(name)} is of no type that is sent")
         lengths = [
             _count(length, f"a length of {shown(name)}") for length in _list(shape, f"the shape of {shown(name)}")
         ]
@@ -100,9 +105,10 @@ def any_layout(done: Any) -> Layout:
 
 
 def expected_layout(done: Any, shapes: Mapping[str, tuple[int, ...]]) -> Layout:
-    """Where arrays of these names and shapes, and no others, lie in the shared memory."""
-    layout = any_layout(done)
-    _expect(layout.keys() == shapes.keys(), f"other arrays than {', '.join(sorted(shapes))}")
+    """Where arrays of these names and shapes lie in the shared memory; what more there is, is passed over."""
+    found = any_layout(done)
+    _expect(shapes.keys() <= found.keys(), f"other arrays than {', '.join(sorted(shapes))}")
+    layout: Layout = {name: found[name] for name in shapes}
     for name, (kind, shape, _) in layout.items():
         fits = tuple(shape) == shapes[name] and np.dtype(kind).kind == "f"
         _expect(fits, f"{name} of shape {tuple(shape)} and type {kind}, expected {shapes[name]} of real numbers")
@@ -125,7 +131,14 @@ def _text(value: Any, what: str) -> str:
 
 
 def _number(value: Any, what: str) -> float:
-    fine = type(value) in (int, float) and abs(value) <= sys.float_info.max and math.isfinite(value)
+    number = _real(value, what)
+    _expect(math.isfinite(number), f"{what} is no number")
+    return number
+
+
+def _real(value: Any, what: str) -> float:
+    """A number, perhaps infinite or NaN."""
+    fine = type(value) is float or (type(value) is int and abs(value) <= sys.float_info.max)
     _expect(fine, f"{what} is no number")
     return float(value)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -92,8 +92,8 @@ class WorkerSession:
     def read(self, fields: frozenset[Field]) -> PointState:
         """See `EngineSession.read`."""
         words = sorted(field.value for field in fields)
-        # Positions are read always.
-        shapes = {field.value: self._shapes[field] for field in (*fields, Field.POSITIONS)}
+        # Positions are read always, and what the session does not have never.
+        shapes = {field.value: self._shapes[field] for field in {*fields, Field.POSITIONS} & self._shapes.keys()}
         time, layout = self._asked(
             {"do": "read", "fields": words},
             f"reading {', '.join(words)}",
@@ -145,15 +145,17 @@ class WorkerSession:
             raise self._worker.crash(f"sent arrays that are not there ({error})") from error
 
 
-def shapes_of(problem: PointProblem) -> dict[Field, tuple[int, ...]]:
-    """Shapes of what can be read out of a session of a problem."""
+def shapes_of(problem: PointProblem, declared: Collection[Field]) -> dict[Field, tuple[int, ...]]:
+    """Shapes of what can be read out of a session of a problem, by an engine that declares these fields."""
     count, tracers = len(problem.points.reference_positions), problem.points.tracer_positions
-    return {
+    shapes = {
         Field.POSITIONS: (count, 3),
         Field.VELOCITIES: (count, 3),
         Field.DEFORMATION_GRADIENTS: (count, 3, 3),
-        Field.TRACER_POSITIONS: (0 if tracers is None else len(tracers), 3),
     }
+    if tracers is not None:
+        shapes[Field.TRACER_POSITIONS] = (len(tracers), 3)
+    return {field: shape for field, shape in shapes.items() if field in declared or field is Field.POSITIONS}
 
 
 def answered(

@@ -88,8 +88,11 @@ class Block:
         ValueError, TypeError
             Where the layout is not of what the block holds.
         """
+        views = self._views(layout)
+        if self._map is not None and sum(view.nbytes for view in views.values()) > len(self._map):
+            raise ValueError("they are more than the memory holds")
         copies: dict[str, Array] = {}
-        for name, view in self._views(layout).items():
+        for name, view in views.items():
             copies[name] = empty(view.shape, view.dtype)
             _copy(copies[name], view)
         return copies
