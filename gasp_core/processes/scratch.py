@@ -55,12 +55,17 @@ class Scratch:
 
     def remove(self) -> None:
         """Take it away with all that is in it, as far as the system lets one; may be called twice."""
+        if fcntl is None:
+            # Windows removes no file that is open.
+            self._release()
         # The mark goes last, so that what resists now is left to the next.
         _remove(self.path)
         self._release()
 
     def keep(self) -> None:
         """Leave it to whoever wants what is in it: nobody removes it any more."""
+        if fcntl is None:
+            self._release()
         with contextlib.suppress(OSError):
             (self.path / MARK).unlink()
         self._release()
@@ -99,7 +104,8 @@ def _clear(folder: Path) -> None:
     if not stat.S_ISDIR(folder.lstat().st_mode):
         return
     # No link is followed, and no pipe waited for.
-    descriptor = os.open(folder / MARK, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    # Open for writing too, or NFS gives no lock of its own.
+    descriptor = os.open(folder / MARK, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         own = os.fstat(descriptor)
         if not stat.S_ISREG(own.st_mode) or own.st_uid != os.getuid() or os.read(descriptor, len(_WORDS) + 1) != _WORDS:

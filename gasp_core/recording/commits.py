@@ -13,12 +13,12 @@ from gasp_core.recording.files import short
 from gasp_core.recording.layout import Commit, Header, commit_key
 from gasp_core.recording.nodes import read_attributes
 
-__all__ = ["MOST_LOST", "Commits", "Found", "numbered"]
+__all__ = ["Commits", "Found", "numbered", "too_many_lost"]
 
 _SPANS = 8
 """Stretches of frames that a message names."""
-MOST_LOST = 10_000
-"""Frames that may be missing: with more of them it is no recording that was damaged."""
+_MOST_LOST, _LOST_FOR_EACH = 10_000, 100
+"""Frames that may be missing, and for each that is there: with more of them it is no recording that was damaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class Commits:
         while kept and not self._good(kept[-1]):
             torn.append(kept.pop())
         count = kept[-1] + 1 if kept else 0
-        if count - len(kept) > MOST_LOST:
+        if too_many_lost(count - len(kept), len(kept)):
             raise RecordingError(f"{self._root}: commits are damaged: {count - len(kept):,} of them are missing")
         known = set(kept)
         return Found(
@@ -118,6 +118,11 @@ class Commits:
 
     def _there(self, frame: int) -> bool:
         return os.path.lexists(f"{os.fspath(self._root)}/{commit_key(frame)}")
+
+
+def too_many_lost(lost: int, there: int) -> bool:
+    """Whether more frames are missing than damage explains, beside those that are there: they are only claimed."""
+    return lost > max(_MOST_LOST, _LOST_FOR_EACH * there)
 
 
 def numbered(frames: Sequence[int]) -> str:

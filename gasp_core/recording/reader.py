@@ -17,7 +17,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
-from gasp_core.recording.commits import MOST_LOST, Commits, numbered
+from gasp_core.recording.commits import Commits, numbered, too_many_lost
 from gasp_core.recording.files import short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
@@ -119,7 +119,7 @@ class Recording:
         except RecordingError:
             return found.lost
         end = state["frames_wanted"] if state["state"] == "complete" else found.count
-        if end - found.count > MOST_LOST:
+        if too_many_lost(end - found.count + len(found.lost), found.count - len(found.lost)):
             raise RecordingError(f"{self.path}: is damaged: {end:,} frames were finished, {found.count:,} are there")
         return (*found.lost, *range(found.count, end))
 
@@ -145,7 +145,8 @@ class Recording:
 
     @cached_property
     def _stored_scene(self) -> tuple[Scene, tuple[str, ...]]:
-        beside = self.path.absolute().parent
+        # The folder that it lies in, and not one with a link to it.
+        beside = self.path.resolve().parent
         return read_stored_scene(self.header.scene, file=f"{self.path} (scene)", beside=beside)
 
     @cached_property

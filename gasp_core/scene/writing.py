@@ -70,10 +70,11 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
 
 
 def _path(path: Path, beside: Path | None) -> str:
-    here = path.absolute()
-    if beside is not None and here.is_relative_to(beside.absolute()):
-        return str(here.relative_to(beside.absolute()))
-    return str(here)
+    # Of the folder that holds it: a splat that is a link is named as it is, wherever that leads.
+    here = path.parent.resolve() / path.name
+    if beside is not None and here.is_relative_to(beside.resolve()):
+        return str(here.relative_to(beside.resolve()))
+    return str(path.absolute())
 
 
 def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from gasp_core.contract import (
     Status,
     StepReport,
 )
-from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError
+from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError, RecordingError
 from gasp_core.progress import Progress
 from gasp_core.recording import Recording
 from gasp_core.recording.writer import RecordingWriter
@@ -109,6 +109,7 @@ class FrameLoop:
         """Run the engine; why it stopped early, or nothing."""
         scene = self._scene
         with opening() as session, _interrupt() as interrupted:
+            self._expect_time(session, last)
             before = session.read(self._fields)
             for frame in range(last + 1, end):
                 report = session.advance_to(scene.time_of(frame))
@@ -123,6 +124,16 @@ class FrameLoop:
                     )
                 self._keep(frame, session, always=frame + 1 == end)
         return ""
+
+    def _expect_time(self, session: EngineSession, last: int) -> None:
+        """Refuse to go on from a checkpoint of another time: its frames would be of no run."""
+        expected = self._scene.time_of(last)
+        if session.time != expected:
+            kept = self._writer.path / "checkpoints" / f"{last:08d}"
+            raise RecordingError(
+                f"{kept}: the engine's state is of {session.time:.9g} s, frame {last} of {expected:.9g} s: it is"
+                " damaged or of another run; remove that folder and resume"
+            )
 
     def _record(self, frame: int, session: EngineSession, report: StepReport, before: PointState) -> PointState:
         """Judge and write the frame the session has come to."""

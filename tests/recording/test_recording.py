@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from gasp_core import Recording, Reduction
+from gasp_core import Recording, RecordingChoice, Reduction
 from gasp_core.errors import RecordingError
 from gasp_core.io import write_splat
+from gasp_core.recording.commits import too_many_lost
 from gasp_core.recording.durable import folder_in_the_making, replace_file
 from gasp_core.recording.layout import VERSION
 from gasp_core.recording.lock import lock, locked
@@ -44,6 +45,22 @@ def test_files_below_the_folder_of_a_recording_are_kept_by_where_they_lie_in_it(
     scene = Recording.open(moved / "elsewhere.gasp").scene
     assert scene.objects[0].splat == elsewhere / "splats" / "a.ply"
     assert scene.camera.file == elsewhere / "cameras.json"
+
+
+@pytest.mark.parametrize("link", ["to the recording", "to its folder"])
+def test_files_are_found_through_a_link(scene_of, cloud, run, tmp_path, link):
+    here = tmp_path / "here"
+    here.mkdir()
+    write_splat(here / "a.ply", cloud())
+    # A path that goes up and down again leads there as well.
+    splat = here / ".." / "here" / "a.ply"
+    (tmp_path / "door").symlink_to(here)
+    door = tmp_path / "door" / "a.gasp" if link == "to its folder" else here / "a.gasp"
+    run(scene_of(splat, duration=0.08), door)
+    assert str(tmp_path) not in (door / "zarr.json").read_text()
+    (tmp_path / "latest.gasp").symlink_to(here / "a.gasp")
+    for path in (door, here / "a.gasp", tmp_path / "latest.gasp"):
+        assert Recording.open(path).scene.objects[0].splat.samefile(here / "a.ply")
 
 
 def edit(path, change):
@@ -150,6 +167,30 @@ def test_a_damaged_checkpoint_is_passed_over(scene_of, run, tmp_path):
     again = run(scene_of(), tmp_path / "a.gasp", resume=True)
     assert again.status == "complete"
     assert np.array_equal(again.points(10), whole.points(10))
+
+
+def test_a_state_of_another_time_is_not_gone_on_from(scene_of, run, tmp_path):
+    scene = scene_of(recording=RecordingChoice(checkpoint_frames=2))
+    path = tmp_path / "a.gasp"
+    whole = run(scene, tmp_path / "whole.gasp")
+    run(scene, path, frames=6)
+    *_, other, last = sorted((path / "checkpoints").glob("0*"))
+    # Whole, and sealed: that of another frame.
+    shutil.rmtree(last)
+    shutil.copytree(other, last)
+    with pytest.raises(RecordingError, match=r"00000005: the engine's state is of .* s, frame 5 of .* s") as error:
+        run(scene, path, resume=True)
+    assert "\n" not in str(error.value)
+    shutil.rmtree(last)
+    again = run(scene, path, resume=True)
+    end = whole.frame_count - 1
+    assert np.array_equal(again.gaussians(end).means, whole.gaussians(end).means)
+
+
+def test_damage_explains_so_many_missing_frames_and_no_more():
+    assert not too_many_lost(10_000, 0) and too_many_lost(10_001, 0)
+    # Half of a long run may well be gone.
+    assert not too_many_lost(15_000, 15_000) and too_many_lost(10_000_000, 20)
 
 
 def test_one_writer_at_a_time_and_one_can_tell(recorded, scene_of, run):
