@@ -1,10 +1,10 @@
 """What a kill costs: runs of every engine ended by ``kill -9`` at random moments, and every command by TERM and KILL.
 
-    python benchmarks/kill_soak.py runs [--trials 200] [--engines A,B] [--seed 0]
+    python benchmarks/kill_soak.py runs [--trials 200] [--engines A,B] [--variants C,D] [--seed 0]
     python benchmarks/kill_soak.py commands [--moments 5]
 
 `runs`: each is gone on with afterwards; frames that were there must be those of a run that never stopped, and so must
-all be in the end. Plain, by cores, with a film, with a motion and isolated, in turns.
+all be in the end. Plain, by cores, with a film, with a motion, with drives and isolated, in turns.
 
 `commands`: 5 s after the signal, or after the next call of the same command, nothing of it may be left: no process, no
 shared memory, no temporary folder, nothing beside its output. Linux only.
@@ -73,11 +73,22 @@ length = 0.3
 amplitude = 10
 frequency = 2
 """
+DRIVES = """[[drive]]
+kind = "pinned"
+region = { shape = "sphere", center = [0, 0, 0.3], radius = 0.08 }
+end = 0.2
+[[drive]]
+kind = "impulse"
+region = { shape = "sphere", center = [0, 0, 0.2], radius = 1 }
+impulse = [0.05, 0, 0.05]
+start = 0.1
+"""
 VARIANTS: dict[str, tuple[str, list[str]]] = {
     "plain": ("plain.toml", []),
     "cores": ("plain.toml", ["--cores", "0.3"]),
     "film": ("plain.toml", ["--render", "film.mp4", "--size", "160x120"]),
     "motion": ("moving.toml", ["--cores", "0.3"]),
+    "driven": ("driven.toml", []),
     "isolated": ("plain.toml", ["--isolate"]),
 }
 
@@ -87,6 +98,7 @@ def prepared(folder: Path) -> None:
     write_splat(folder / "toy.ply", make_toy(300))
     (folder / "plain.toml").write_text(SCENE % "")
     (folder / "moving.toml").write_text(SCENE % MOTION)
+    (folder / "driven.toml").write_text(SCENE % DRIVES)
 
 
 # --- runs -----------------------------------------------------------------------------------------------------------
@@ -116,6 +128,10 @@ class Killed:
         self.refusal = done.stderr.strip() if done.returncode else ""
         if not self.refusal:
             whole = Recording.open(folder / "whole.gasp")
+            first, *_, last = sorted(
+                path.stat().st_mtime for path in (folder / "whole.gasp").glob("commits/*/zarr.json")
+            )
+            self.among_frames = last - first
             self.truth = [whole.gaussians(frame) for frame in range(whole.frame_count)]
 
     def trial(self, chance: random.Random) -> None:
@@ -130,7 +146,14 @@ class Killed:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        time.sleep(chance.uniform(0, self.seconds))
+        wait = chance.uniform(0, self.seconds)
+        if chance.random() < 0.5:
+            # Starting takes most of the time: half of them are killed among their frames.
+            until = time.monotonic() + 2 * self.seconds
+            while not (out / "commits" / "00000000").exists() and time.monotonic() < until:
+                time.sleep(0.005)
+            wait = chance.uniform(0, self.among_frames)
+        time.sleep(wait)
         self.tally["trials"] += 1
         self.tally["killed"] += process.poll() is None
         process.kill()
@@ -169,14 +192,14 @@ class Killed:
         print(f"!! {' '.join(self.command[3:])}: {kind}: {told.strip()[-300:]}", flush=True)
 
 
-def runs(trials: int, engines: list[str], seed: int) -> bool:
+def runs(trials: int, engines: list[str], variants: list[str], seed: int) -> bool:
     """Kill runs, print a table, and say whether all was well."""
     chance = random.Random(seed)
     total: Counter[str] = Counter()
-    share = -(-trials // (len(engines) * len(VARIANTS)))
+    share = -(-trials // (len(engines) * len(variants)))
     print(f"{'ENGINE':15}{'VARIANT':10}{'SECONDS':>8}{'KILLED':>8}{'IN FRAMES':>10}{'LOST':>6}{'OTHER':>6}  FAULTS")
     for engine in engines:
-        for variant in VARIANTS:
+        for variant in variants:
             with tempfile.TemporaryDirectory() as temporary:
                 folder = Path(temporary)
                 prepared(folder)
@@ -187,7 +210,15 @@ def runs(trials: int, engines: list[str], seed: int) -> bool:
                 for _ in range(share):
                     killed.trial(chance)
                 left = sorted(path.name for path in folder.iterdir())
-                expected = {"toy.ply", "plain.toml", "moving.toml", "whole.gasp", "killed.gasp", "film.mp4"}
+                expected = {
+                    "toy.ply",
+                    "plain.toml",
+                    "moving.toml",
+                    "driven.toml",
+                    "whole.gasp",
+                    "killed.gasp",
+                    "film.mp4",
+                }
                 if set(left) - expected:
                     killed.fault("left over", ", ".join(sorted(set(left) - expected)))
             found = killed.tally
@@ -333,6 +364,7 @@ def main() -> int:
     parser.add_argument("what", choices=["runs", "commands"])
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--engines", default="")
+    parser.add_argument("--variants", default=",".join(VARIANTS))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--moments", type=int, default=5)
     parser.add_argument("--only", default="", help="commands, with commas between")
@@ -340,7 +372,8 @@ def main() -> int:
     if asked.what == "commands":
         return int(not ended(asked.moments, [name for name in asked.only.split(",") if name]))
     ready = [row.name for row in engine_rows(discover()) if row.status == "ready"]
-    return int(not runs(asked.trials, asked.engines.split(",") if asked.engines else ready, asked.seed))
+    engines = asked.engines.split(",") if asked.engines else ready
+    return int(not runs(asked.trials, engines, asked.variants.split(","), asked.seed))
 
 
 if __name__ == "__main__":
