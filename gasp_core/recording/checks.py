@@ -111,9 +111,7 @@ def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Comm
     found = Commit(**fields)
     _expect(found.frame == frame and type(found.frame) is int, "it is of another frame")
     _expect(_number(found.time), "its time is no number")
-    _expect(_fields(found.diagnostics), "it lacks its diagnostics")
-    warnings: Any = found.diagnostics.get("warnings", [])
-    _expect(isinstance(warnings, list) and all(_text(warning) for warning in warnings), "its warnings are no texts")
+    _check_diagnostics(found.diagnostics)
     means = [[*row] for row in found.body_displacements]
     _expect(len(means) == len(header.bodies) and all(len(row) == 3 for row in means), "it lacks displacements")
     _expect(all(_number(value) for row in means for value in row), "a displacement is no number")
@@ -126,6 +124,21 @@ def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Comm
         _expect(_within(pairs[:, 0], item.last - item.first), "a row without a frame is no row")
         _expect(_within(pairs[:, 1], frame + 1), "a frame before is no frame")
     return found
+
+
+def _check_diagnostics(known: Any) -> None:
+    """What every version has told of a frame."""
+    _expect(_fields(known), "it lacks its diagnostics")
+    for name in ("substeps", "degenerate", "clipped"):
+        _expect(_count(known[name]), f"{name} is no number of them")
+    for name in ("smallest_substep", "largest_substep"):
+        _expect(_number(known[name]), f"{name} is no number")
+    for name in ("kinetic_energy", "potential_energy"):
+        _expect(known[name] is None or _number(known[name]), f"{name} is no number")
+    for name in ("inverted", "stretched"):
+        _expect(known[name] is None or _count(known[name]), f"{name} is no number of them")
+    warnings = known["warnings"]
+    _expect(isinstance(warnings, list) and all(_text(warning) for warning in warnings), "its warnings are no texts")
 
 
 def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> None:

@@ -178,7 +178,7 @@ class Header:
             values["engine"] = EngineRecord(**values["engine"])
             if version >= CHECKED_FROM and not values["files"]:
                 raise ValueError("it does not know its files")
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise RecordingError(f"{path}: the header of the recording is damaged ({short(error)})") from None
         return cls(**values)
 

@@ -25,6 +25,8 @@ Array = NDArray[Any]
 
 _NEVER_ZERO = ("quaternions", "scales", "opacities", "moving", "magnification", "weights")
 """Arrays of which no chunk is all zeros. Before version 6 such a chunk had no file: a lost one looks the same."""
+_LARGEST = float(np.finfo(np.float32).max)
+"""Of values, float64 ones too: what lies beyond is infinite to everything that is made of them."""
 _WIDEST = 12
 """Values in a row of a carrier: the corners of a core."""
 _SPARE = 64
@@ -139,7 +141,7 @@ class Store:
             for place, chunk in chunks.items():
                 rows = node.slices(place)
                 values[rows] = chunk[tuple(slice(0, part.stop - part.start) for part in rows)]
-        if node.dtype.kind == "f" and not np.isfinite(values).all():
+        if node.dtype.kind == "f" and not (np.abs(values) <= _LARGEST).all():
             raise RecordingError(f"{self._root}: {name} is damaged: it is not finite")
         return values
 

@@ -80,13 +80,16 @@ def motion_of(footage: Footage, frames: Sequence[int] | None = None) -> Motion:
     Raises
     ------
     RenderingError
-        Where there is no frame yet.
+        Where there is no frame yet, or nothing in them is where it could be seen.
     """
     chosen = range(footage.frame_count) if frames is None else frames
     if len(chosen) == 0:
         raise RenderingError(f"{footage.path}: holds no frame yet")
     picked = sorted({chosen[round(k)] for k in np.linspace(0, len(chosen) - 1, min(len(chosen), _FRAMES))})
-    return Motion(points=np.concatenate([_core(footage.positions(frame)) for frame in picked]))
+    points = np.concatenate([_core(footage.positions(frame)) for frame in picked])
+    if len(points) == 0:
+        raise RenderingError(f"{footage.path}: nothing in it has a finite place: there is nothing to see")
+    return Motion(points=points)
 
 
 def frame_motion(motion: Motion, *, width: int, height: int, around: float, above: float) -> Camera:
@@ -126,6 +129,10 @@ def turntable(motion: Motion, count: int, *, width: int, height: int, around: fl
 
 def _core(positions: Array) -> Array:
     """A sample of the positions that are not outermost."""
+    # What flew apart has no place in this frame; those that do are what there is to see.
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    if len(positions) == 0:
+        return positions
     positions = positions[:: max(1, len(positions) // _POINTS)]
     lower, upper = robust_box(positions)
     return positions[((positions >= lower) & (positions <= upper)).all(axis=1)]

@@ -6,7 +6,6 @@ whether it was forged. What was only damaged must not give a Gaussian that is no
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import functools
 import io
@@ -33,6 +32,8 @@ __all__ = ["RecordingSeed", "read_recording", "recording_seeds", "in_haste"]
 Files = dict[str, bytes]
 
 KEPT = Path(__file__).parents[1] / "recording_versions"
+_TOLD = "mutant.json"
+"""Beside a mutant's files, what is in the place of which, and whether its checksums are right."""
 FRAMES = 6
 """Of the whole run; recordings that were cut short have four."""
 _INSTEAD = ("link", "device", "pipe", "folder", "loop")
@@ -71,8 +72,13 @@ class RecordingSeed:
 
 
 def _packed(files: Mapping[str, bytes], instead: Mapping[str, str], *, forged: bool) -> bytes:
-    texts = {key: base64.b85encode(content).decode() for key, content in files.items()}
-    return json.dumps({"forged": forged, "instead": dict(instead), "files": texts}).encode()
+    """As an archive, which is unpacked without taking memory that would be counted as the reader's."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as packed:
+        for key, content in files.items():
+            packed.writestr(zipfile.ZipInfo(key), content)
+        packed.writestr(zipfile.ZipInfo(_TOLD), json.dumps({"forged": forged, "instead": dict(instead)}))
+    return archive.getvalue()
 
 
 # --- changes --------------------------------------------------------------------------------------------------------
@@ -308,7 +314,7 @@ def recording_seeds() -> list[RecordingSeed]:
             path = Path(folder) / f"{name}.gasp"
             _run(_scene(name), path, frames=frames)
             parts = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
-            seeds.append(RecordingSeed(name=f"{name}.json", parts=parts))
+            seeds.append(RecordingSeed(name=f"{name}.zip", parts=parts))
     for version in (1, 3, 5):
         with zipfile.ZipFile(KEPT / f"version_{version}.zip") as packed:
             parts = {
@@ -316,7 +322,7 @@ def recording_seeds() -> list[RecordingSeed]:
                 for key in packed.namelist()
                 if key.startswith("recording.gasp/") and not key.endswith("/")
             }
-        seeds.append(RecordingSeed(name=f"version_{version}.json", parts=parts))
+        seeds.append(RecordingSeed(name=f"version_{version}.zip", parts=parts))
     return seeds
 
 
@@ -325,13 +331,12 @@ def recording_seeds() -> list[RecordingSeed]:
 
 def read_recording(path: Path) -> None:
     """Open, verify, export, render and resume; whatever is not refused of what is not forged must be the truth."""
-    packed = json.loads(path.read_bytes())
     folder = path.with_suffix(".gasp")
     out = path.with_suffix(".out")
     try:
-        _unpack(packed, folder)
+        told = _unpack(path, folder)
         # Before version 6 there are checksums of chunks alone.
-        known = not packed["forged"] and not path.name.startswith("version")
+        known = not told["forged"] and not path.name.startswith("version")
         truth = _truth(path.stem) if known else ()
         refused = [*_tried(lambda: _read(folder, truth)), *_tried(lambda: _show(folder, out))]
         refused += _tried(lambda: _resume(folder, path.stem, truth))
@@ -348,14 +353,18 @@ def in_haste(folder: Path) -> None:
     os.fsync = lambda descriptor: None
 
 
-def _unpack(packed: Any, folder: Path) -> None:
+def _unpack(path: Path, folder: Path) -> Any:
+    """Its files, put where they belong; returns what else is told of them."""
+    with zipfile.ZipFile(path) as packed:
+        files = {key: packed.read(key) for key in packed.namelist()}
+    told = json.loads(files.pop(_TOLD))
     folder.mkdir()
-    for key, text in packed["files"].items():
+    for key, content in files.items():
         file = folder / key
         file.parent.mkdir(parents=True, exist_ok=True)
-        match packed["instead"].get(key):
+        match told["instead"].get(key):
             case "link":
-                (folder.parent / "elsewhere").write_bytes(base64.b85decode(text))
+                (folder.parent / "elsewhere").write_bytes(content)
                 file.symlink_to(folder.parent / "elsewhere")
             case "device":
                 file.symlink_to("/dev/zero")
@@ -366,7 +375,8 @@ def _unpack(packed: Any, folder: Path) -> None:
             case "loop":
                 file.symlink_to(file.name)
             case _:
-                file.write_bytes(base64.b85decode(text))
+                file.write_bytes(content)
+    return told
 
 
 def _remove(folder: Path) -> None:

@@ -54,6 +54,17 @@ def kept(tmp_path):
     return unpack
 
 
+def test_a_body_of_an_object_that_there_is_not_is_refused(kept):
+    path, _ = kept(3)
+
+    def change(attributes):
+        attributes["bodies"][0]["item"] = 9
+
+    rewritten(path, change)
+    with pytest.raises(RecordingError, match="the header of the recording is damaged"):
+        Recording.open(path)
+
+
 def rewritten(path, change):
     """The header of a recording, changed."""
     file = path / "zarr.json"

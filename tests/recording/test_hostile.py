@@ -131,9 +131,23 @@ def test_what_a_compiled_loop_would_take_as_it_is_is_checked(path, name, value, 
     refused(path, says)
 
 
-def test_diagnostics_that_are_none_are_refused(path):
+def test_values_that_float32_does_not_hold_are_not_finite(path):
+    points = Recording.open(path).start_points
+    points[3] = 1e300
+    forge(path, "reference/points/c.0.0", encoded(points))
+    with pytest.raises(RecordingError, match="is not finite"):
+        Recording.open(path).points(1)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("warnings", 2), ("warnings", None), ("substeps", -1), ("largest_substep", "x"), ("kinetic_energy", True)],
+)
+def test_diagnostics_that_are_none_are_refused(path, name, value):
     node = json.loads((path / "commits" / "00000001" / "zarr.json").read_text())
-    node["attributes"]["diagnostics"]["warnings"] = 2
+    node["attributes"]["diagnostics"][name] = value
+    if value is None:
+        del node["attributes"]["diagnostics"][name]
     (path / "commits" / "00000001" / "zarr.json").write_bytes(sealed(node))
     with pytest.raises(RecordingError, match=r"commits/00000001/zarr\.json is damaged"):
         Recording.open(path).gaussians(1)

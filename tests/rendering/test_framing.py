@@ -53,6 +53,22 @@ def test_a_turn_keeps_its_distance_and_everything_in_the_picture(seed, stretch):
         assert (places > 0).all() and (places < [640, 360]).all()
 
 
+def test_what_has_no_finite_place_is_not_framed_and_nothing_is_an_error():
+    class Footage:
+        path, frame_count = "flown.gasp", 1
+
+        def __init__(self, places):
+            self.places = np.array(places)
+
+        def positions(self, frame):
+            return self.places
+
+    seen = motion_of(Footage([[0.0, 0, 0], [1, 1, 1], [np.nan, 0, 0], [0, np.inf, 0]]))
+    assert (seen.lower == 0).all() and (seen.upper == 1).all()
+    with pytest.raises(RenderingError, match=r"flown\.gasp: .*nothing to see"):
+        motion_of(Footage([[np.nan, 0, 0]]))
+
+
 def test_the_front_looks_along_y_and_right_is_on_the_right():
     motion = Motion(points=np.array([[-1.0, 0, 0], [1, 0, 1]]))
     front = frame_motion(motion, width=100, height=100, around=0, above=0)
