@@ -50,7 +50,9 @@ def read_cameras(path: str | Path) -> list[NamedCamera]:
     try:
         found: Any = json.loads(read_text(path))
     except FileNotFoundError:
-        raise RenderingError(f"{name}: there is no such camera file") from None
+        raise RenderingError(
+            f"{name}: there is no such camera file: put it there, or name another or a view (--camera front)"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise RenderingError(f"{name}: cannot be read ({shown(error)[:_LONGEST_NAME]})") from None
     except (ValueError, RecursionError) as error:
