@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -43,7 +44,7 @@ class _Bar(Progress):
             self.say(sentence)
 
     def advance(self, frame: int, substep: float) -> None:
-        self._bar.update(self._task, completed=frame, substep=f"{substep:.2e} s" if substep > 0 else "")
+        self._bar.update(self._task, completed=frame, substep=f"{substep:.2e} s" if 0 < substep < math.inf else "")
 
 
 @contextmanager

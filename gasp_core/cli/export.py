@@ -101,6 +101,7 @@ def export_frames(
         Where the folder cannot be made, no frame can be read, or a file cannot be written.
     """
     from gasp_core.io import write_splat
+    from gasp_core.recording.files import TooLargeError
 
     made_folder = not folder.exists()
     try:
@@ -113,6 +114,8 @@ def export_frames(
         for frame in frames:
             try:
                 gaussians = recording.gaussians(frame)
+            except TooLargeError:
+                raise
             except RecordingError as error:
                 damaged.append(str(error))
                 continue

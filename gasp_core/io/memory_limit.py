@@ -11,7 +11,7 @@ from pathlib import Path
 from gasp_core.errors import GaspError
 from gasp_core.io.format_errors import malformed
 
-__all__ = ["VARIABLE", "memory_limit", "memory_of", "refuse_too_large", "refuse_unread"]
+__all__ = ["VARIABLE", "may_take", "memory_limit", "memory_of", "most_gaussians", "refuse_too_large", "refuse_unread"]
 
 VARIABLE = "GASP_MOST_MEMORY"
 """In the environment, so that threads and processes that are started for a run know it as well."""
@@ -63,6 +63,25 @@ def memory_of(count: int, bases: int) -> int:
     return count * (240 + 36 * bases)
 
 
+def may_take(held: int) -> int:
+    """Bytes of memory that so many bytes of a packed file can honestly mean."""
+    return max(_HARMLESS, _STEEPEST * held)
+
+
+def most_gaussians(path: str | PathLike[str], held: int) -> int:
+    """Gaussians, at most, that so many bytes can honestly mean, and that the machine has room for.
+
+    Raises
+    ------
+    SplatFormatError
+        Where what the environment allows is no number.
+    """
+    allowed, honest = _allowed(path), may_take(held)
+    if allowed is None:
+        allowed = honest if honest <= _HARMLESS else min(honest, max(_HARMLESS, _available()))
+    return allowed // memory_of(1, 0)
+
+
 def refuse_too_large(path: str | PathLike[str], held: int, count: int, bases: int) -> None:
     """Refuse a file that would take more memory than its size can honestly mean, or than there is.
 
@@ -86,7 +105,7 @@ def refuse_too_large(path: str | PathLike[str], held: int, count: int, bases: in
         raise malformed(path, "it declares 0 Gaussians", "export it again")
     if count > _MOST_GAUSSIANS:
         raise malformed(path, "it declares more Gaussians than any file can hold")
-    need, honest = memory_of(count, bases), max(_HARMLESS, _STEEPEST * held)
+    need, honest = memory_of(count, bases), may_take(held)
     allowed = _allowed(path)
     told = f"its {count:,} Gaussians would take {_size(need)} of memory"
     if allowed is not None:

@@ -117,12 +117,13 @@ def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Comm
     _expect(all(_number(value) for row in means for value in row), "a displacement is no number")
     lists = isinstance(found.degenerate, list) and all(isinstance(rows, list) for rows in found.degenerate)
     _expect(lists and len(found.degenerate) == len(header.bodies), "it lacks the rows without a frame")
-    for rows, body in zip(found.degenerate, header.bodies):
+    told: Any = found.degenerate
+    for rows, body in zip(told, header.bodies):
         item = header.objects[body.item]
-        pairs = np.array(rows if rows else np.zeros((0, 2)), dtype=np.float64)
-        _expect(pairs.ndim == 2 and pairs.shape[1] == 2, "rows without a frame are no pairs")
-        _expect(_within(pairs[:, 0], item.last - item.first), "a row without a frame is no row")
-        _expect(_within(pairs[:, 1], frame + 1), "a frame before is no frame")
+        pairs = all(type(row) is list and len(row) == 2 for row in rows)
+        _expect(pairs and all(_count(number) for row in rows for number in row), "rows without a frame are no pairs")
+        _expect(all(row < item.last - item.first for row, _ in rows), "a row without a frame is no row")
+        _expect(all(before <= frame for _, before in rows), "a frame before is no frame")
     return found
 
 

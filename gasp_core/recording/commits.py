@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from gasp_core.errors import RecordingError
 from gasp_core.recording.checks import commit_of
 from gasp_core.recording.files import short
-from gasp_core.recording.layout import Commit, Header, commit_key
+from gasp_core.recording.layout import Commit, commit_key
 from gasp_core.recording.nodes import read_attributes
+from gasp_core.recording.store import Store
 
 __all__ = ["Commits", "Found", "numbered", "too_many_lost"]
 
@@ -43,9 +43,10 @@ class Found:
 class Commits:
     """The commits of a recording, which may grow, or be taken back, while it is looked at."""
 
-    def __init__(self, root: Path, header: Header) -> None:
-        self._root = root
-        self._header = header
+    def __init__(self, store: Store) -> None:
+        self._root = store.root
+        self._header = store.header
+        self._store = store
         self._found: Found | None = None
 
     def look(self) -> Found:
@@ -77,13 +78,12 @@ class Commits:
             Where it is missing or damaged; the message names its file.
         """
         key = commit_key(frame)
-        rows = self._header.objects[-1].last
         try:
-            attributes = read_attributes(self._root, key, rows, seal=bool(self._header.files))
+            attributes = read_attributes(self._root, key, self._store.plausible_rows, seal=bool(self._header.files))
             return commit_of(attributes, frame, self._header)
         except FileNotFoundError:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is missing") from None
-        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is damaged ({short(error)})") from None
 
     def _searched(self) -> Found:

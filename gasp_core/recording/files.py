@@ -16,7 +16,8 @@ from pathlib import Path
 from gasp_core.errors import RecordingError
 from gasp_core.io.format_errors import shown
 
-__all__ = ["FileCheck", "checksum", "files_below", "is_folder", "read_checked", "read_file", "short"]
+__all__ = ["FileCheck", "TooLargeError", "UnreadableError", "checksum", "files_below", "is_folder", "read_checked"]
+__all__ += ["read_file", "short"]
 
 _OPENING = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Not through a link, and without waiting for the other end of a pipe."""
@@ -25,6 +26,14 @@ _MOST_ENTRIES = 10_000_000
 _LONGEST_WORDS = 200
 _DEEPEST = 8
 """Folders within folders; today's recordings have five."""
+
+
+class UnreadableError(RecordingError):
+    """What cannot be read here and now; nothing of it need be damaged, and nothing of it is to be removed."""
+
+
+class TooLargeError(UnreadableError):
+    """A recording that would take more memory than it may."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,10 +46,14 @@ class FileCheck:
     def fault(self, content: bytes) -> str:
         """What is wrong with a content, for a message; empty where nothing is."""
         if len(content) != self.size:
-            return f"has {len(content):,} bytes, expected {self.size:,}"
+            return self.other_length(len(content))
         if self.checksum is not None and checksum(content) != self.checksum:
             return "its checksum is another"
         return ""
+
+    def other_length(self, size: int) -> str:
+        """What is wrong with a file of another length, for a message."""
+        return f"has {size:,} bytes, expected {self.size:,}"
 
 
 def short(error: BaseException) -> str:
@@ -70,7 +83,9 @@ def read_file(root: Path, key: str, most: int) -> bytes:
     FileNotFoundError
         Where there is none.
     RecordingError
-        Where it, or a folder on the way, is a link, a pipe or a device; where it is too long, or cannot be read.
+        Where it, or a folder on the way, is a link, a pipe or a device, or it is too long.
+    UnreadableError
+        Where the system does not let it be read.
     """
     try:
         folder = os.fspath(root)
@@ -96,7 +111,7 @@ def read_file(root: Path, key: str, most: int) -> bytes:
     except FileNotFoundError:
         raise
     except OSError as error:
-        raise RecordingError(f"{root}: {key} cannot be read: {error.strerror or error}") from None
+        raise UnreadableError(f"{root}: {key} cannot be read: {error.strerror or error}") from None
 
 
 def read_checked(root: Path, key: str, check: FileCheck) -> bytes:
@@ -106,13 +121,21 @@ def read_checked(root: Path, key: str, check: FileCheck) -> bytes:
     ------
     RecordingError
         Where it is missing or another; the message names it.
+    UnreadableError
+        Where the system does not let it be read.
     """
     try:
-        content = read_file(root, key, max(check.size, os.lstat(root / key).st_size))
+        found = os.lstat(root / key)
+        # What has another length is not read: it may have any.
+        if stat.S_ISREG(found.st_mode) and found.st_size != check.size:
+            raise RecordingError(f"{root}: {key} is damaged: {check.other_length(found.st_size)}")
+        content = read_file(root, key, check.size)
     except FileNotFoundError:
         raise RecordingError(f"{root}: {key} is damaged: it is missing") from None
+    except NotADirectoryError:
+        raise RecordingError(f"{root}: {key} is damaged: it lies in what is no folder") from None
     except OSError as error:
-        raise RecordingError(f"{root}: {key} cannot be read: {error.strerror or error}") from None
+        raise UnreadableError(f"{root}: {key} cannot be read: {error.strerror or error}") from None
     fault = check.fault(content)
     if fault:
         raise RecordingError(f"{root}: {key} is damaged: {fault}")

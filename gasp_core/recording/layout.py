@@ -29,17 +29,20 @@ positions to a millimetre.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gasp_core.errors import RecordingError
+from gasp_core.processes.scratch import MARK
 from gasp_core.recording.files import FileCheck, short
 from gasp_core.recording.migrations import VERSION, migrated
 
 __all__ = [
     "CHECKED_FROM",
+    "FILES",
     "FORMAT",
     "BodyEntry",
     "Commit",
@@ -53,6 +56,9 @@ __all__ = [
 FORMAT = "gasp-recording"
 CHECKED_FROM = 6
 """The first version whose files have checksums."""
+
+FILES = re.compile(rf"(zarr\.json|c(\.[0-9]+)*|[0-9]+(\.[0-9]+)*)(\.part|\.[0-9a-f]{{32}}\.partial)?|{re.escape(MARK)}")
+"""Names of all files that recordings of any version have, and of what killed runs leave of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +184,7 @@ class Header:
             values["engine"] = EngineRecord(**values["engine"])
             if version >= CHECKED_FROM and not values["files"]:
                 raise ValueError("it does not know its files")
-        except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
             raise RecordingError(f"{path}: the header of the recording is damaged ({short(error)})") from None
         return cls(**values)
 

@@ -18,7 +18,7 @@ from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
 from gasp_core.recording.commits import Commits, numbered, too_many_lost
-from gasp_core.recording.files import short
+from gasp_core.recording.files import UnreadableError, short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
 from gasp_core.recording.nodes import read_attributes
@@ -50,7 +50,7 @@ class Recording:
         self.path = path
         self.header = header
         self._store = Store(path, header)
-        self._commits = Commits(path, header)
+        self._commits = Commits(self._store)
 
     @classmethod
     def open(cls, path: str | Path) -> Recording:
@@ -393,6 +393,8 @@ class Recording:
         rows = None if name == "drifts" else self._store.points
         try:
             return self._store.frame(name, commit.frame, commit.chunks[key], rows)
+        except UnreadableError:
+            raise
         except RecordingError as error:
             told = str(error).removeprefix(f"{self.path}: ").replace(" is damaged", "", 1)
             raise RecordingError(f"{self.path}: {name} of frame {commit.frame} is damaged: {told}") from None

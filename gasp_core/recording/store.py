@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError, SplatFormatError
 from gasp_core.gaussians import Gaussians
-from gasp_core.io.memory_limit import refuse_too_large
+from gasp_core.io.memory_limit import may_take, most_gaussians, refuse_too_large
 from gasp_core.recording.arrays import ArrayNode, chunk_key, decoded, sound, usual_chunks
-from gasp_core.recording.files import FileCheck, files_below, is_folder, read_checked, read_file
+from gasp_core.recording.files import FileCheck, TooLargeError, files_below, is_folder, read_checked, read_file
 from gasp_core.recording.layout import Header
 from gasp_core.recording.nodes import MOST_BYTES, parsed, read_node, whole
 
@@ -29,20 +30,25 @@ _LARGEST = float(np.finfo(np.float32).max)
 """Of values, float64 ones too: what lies beyond is infinite to everything that is made of them."""
 _WIDEST = 12
 """Values in a row of a carrier: the corners of a core."""
+_WIDE = 400
+"""Bytes for each Gaussian that a carrier may take whatever its files hold: one that drifts takes 320."""
+_CARRIER = re.compile(
+    r"unmoved|magnification"
+    r"|(gradients|levels/[0-9]/transfer)/(labels|neighbours|weights|inverses|fallen|order)|levels/[0-9]/points"
+)
+"""Arrays of carriers."""
+_LONGEST_ROW = 512
+"""Bytes that a file may hold for each Gaussian: fifteen harmonics of float64 are 384."""
 _SPARE = 64
 """Bytes that packing may add to a chunk, and a share of it in `_longest`."""
-
-
-class TooLargeError(RecordingError):
-    """A recording that would take more memory than it may; nothing of it need be damaged."""
 
 
 class Store:
     """The arrays of a recording, each checked against what the header says before it is unpacked."""
 
     def __init__(self, root: Path, header: Header) -> None:
-        self._root = root
-        self._header = header
+        self.root = root
+        self.header = header
         self._files = {key: FileCheck(size=size, checksum=found) for key, (size, found) in header.files.items()}
 
     @property
@@ -62,24 +68,45 @@ class Store:
     @property
     def rows(self) -> int:
         """Drawn Gaussians."""
-        return self._header.objects[-1].last
+        return self.header.objects[-1].last
 
     @property
     def points(self) -> int:
         """The engine's points."""
-        return self._header.bodies[-1].last
+        return self.header.bodies[-1].last
 
-    def _names(self, folder: str) -> list[str]:
-        """Arrays below a folder, by their path from there."""
-        keys = self._files or [key for key, _ in files_below(self._root, folder)]
-        found = sorted({key.rpartition("/")[0] for key in keys if key.startswith(f"{folder}/")})
+    @cached_property
+    def plausible_rows(self) -> int:
+        """Drawn Gaussians, no more of them than what their files hold can mean."""
+        try:
+            return min(self.rows, most_gaussians(self.root, sum(map(self._size, self._reference_files()))))
+        except SplatFormatError as error:
+            raise TooLargeError(str(error)) from None
+
+    def _names(self, index: int) -> list[str]:
+        """Arrays of a body's carrier, by their path from its folder."""
+        folder = f"bodies/{index}"
+        if self._files:
+            keys = self._of_bodies.get(folder, [])
+        else:
+            keys = [key for key, _ in files_below(self.root, folder)] if is_folder(self.root, folder) else []
+        found = sorted({key.rpartition("/")[0] for key in keys})
         groups = {folder} | {parent.rpartition("/")[0] for parent in found}
         return [name[len(folder) + 1 :] for name in found if name not in groups]
+
+    @cached_property
+    def _of_bodies(self) -> dict[str, list[str]]:
+        """Files by the folder of the body that they are of."""
+        found: dict[str, list[str]] = {}
+        for key in self._files:
+            if key.count("/") > 1:
+                found.setdefault("/".join(key.split("/", 2)[:2]), []).append(key)
+        return found
 
     def has(self, name: str) -> bool:
         """Whether there is an array, of those that are written once."""
         key = f"{name}/zarr.json"
-        return key in self._files if self._files else is_folder(self._root, name)
+        return key in self._files if self._files else is_folder(self.root, name)
 
     def array(self, name: str, shape: Sequence[int | None], kinds: str) -> Array:
         """An array that was written once.
@@ -103,7 +130,7 @@ class Store:
         if not fits or node.dtype.kind not in kinds:
             told = " x ".join("any" if length is None else str(length) for length in shape)
             raise RecordingError(
-                f"{self._root}: {name} is damaged: it is {node.dtype.name} of shape {node.shape}, expected {told}"
+                f"{self.root}: {name} is damaged: it is {node.dtype.name} of shape {node.shape}, expected {told}"
             )
         return self._values(name, node)
 
@@ -113,21 +140,27 @@ class Store:
         Raises
         ------
         RecordingError
-            Where one is missing, damaged, or larger than any of so many rows.
+            Where one is missing, damaged, or larger than any of so many rows; where they would unpack to more than
+            their files can mean.
         """
-        found: dict[str, Array] = {}
-        for name in self._names(f"bodies/{index}"):
+        nodes: dict[str, ArrayNode] = {}
+        held = 0
+        for name in self._names(index):
             path = f"bodies/{index}/{name}"
-            node = self._node(path)
+            if _CARRIER.fullmatch(name) is None:
+                raise RecordingError(f"{self.root}: {path} is damaged: no carrier has such an array")
+            node = nodes[name] = self._node(path)
             if node.shape[0] > rows or math.prod(node.shape[1:]) > _WIDEST:
-                raise RecordingError(f"{self._root}: {path} is damaged: {node.shape} is more than its body has")
-            found[name] = self._values(path, node)
-        return found
+                raise RecordingError(f"{self.root}: {path} is damaged: {node.shape} is more than its body has")
+            self._expect_usual_chunks(path, node)
+            held += sum(self._size(f"{path}/{chunk_key(place)}") for place in node.places())
+        if sum(node.size for node in nodes.values()) > max(may_take(held), _WIDE * rows):
+            raise RecordingError(f"{self.root}: bodies/{index} is damaged: it would unpack to more than it can mean")
+        return {name: self._values(f"bodies/{index}/{name}", node) for name, node in nodes.items()}
 
     def _values(self, name: str, node: ArrayNode) -> Array:
         _ = self._honest
-        if node.chunks != usual_chunks(node.shape):
-            raise RecordingError(f"{self._root}: {name} is damaged: it is in chunks of {node.chunks}")
+        self._expect_usual_chunks(name, node)
         contents = {place: self._chunk(name, place, node) for place in node.places()}
         chunks = {
             place: self._unpacked(content, f"{name}/{chunk_key(place)}", node, bool(self._files))
@@ -142,8 +175,12 @@ class Store:
                 rows = node.slices(place)
                 values[rows] = chunk[tuple(slice(0, part.stop - part.start) for part in rows)]
         if node.dtype.kind == "f" and not (np.abs(values) <= _LARGEST).all():
-            raise RecordingError(f"{self._root}: {name} is damaged: it is not finite")
+            raise RecordingError(f"{self.root}: {name} is damaged: it is not finite")
         return values
+
+    def _expect_usual_chunks(self, name: str, node: ArrayNode) -> None:
+        if node.chunks != usual_chunks(node.shape):
+            raise RecordingError(f"{self.root}: {name} is damaged: it is in chunks of {node.chunks}")
 
     def reference(self) -> Gaussians:
         """The drawn scene at rest.
@@ -165,7 +202,7 @@ class Store:
         try:
             return Gaussians(**arrays)
         except SplatFormatError as error:
-            raise RecordingError(f"{self._root}: reference is damaged: {error}") from None
+            raise RecordingError(f"{self.root}: reference is damaged: {error}") from None
 
     def frame(self, name: str, number: int, check: FileCheck, rows: int | None) -> Array:
         """What a frame has in an array of frames, (rows, 3) float32.
@@ -190,14 +227,14 @@ class Store:
         node = self.frame_node(name)
         own = node.shape[1]
         if number >= node.shape[0] or (own != rows if rows is not None else own > 4 * self.rows):
-            raise RecordingError(f"{self._root}: frames/{name} is damaged: it has the shape {node.shape}")
+            raise RecordingError(f"{self.root}: frames/{name} is damaged: it has the shape {node.shape}")
         key = f"frames/{name}/{chunk_key((number, 0, 0))}"
         if check.size == 0 and not self._files:
             # Before version 6 a chunk of zeros had no file.
             return np.zeros((own, 3), dtype=np.float32)
-        values = self._unpacked(read_checked(self._root, key, check), key, node, check.checksum is not None)[0]
+        values = self._unpacked(self.checked(key, check), key, node, check.checksum is not None)[0]
         if not np.isfinite(values).all():
-            raise RecordingError(f"{self._root}: {key} is damaged: it is not finite")
+            raise RecordingError(f"{self.root}: {key} is damaged: it is not finite")
         return values
 
     def frame_node(self, name: str) -> ArrayNode:
@@ -210,14 +247,14 @@ class Store:
         """
         key = f"frames/{name}/zarr.json"
         try:
-            found, content = read_node(self._root, key)
+            found, content = read_node(self.root, key)
         except FileNotFoundError:
-            raise RecordingError(f"{self._root}: {key} is damaged: it is missing") from None
+            raise RecordingError(f"{self.root}: {key} is damaged: it is missing") from None
         if self._files and not whole(content):
-            raise RecordingError(f"{self._root}: {key} is damaged: its checksum is another")
+            raise RecordingError(f"{self.root}: {key} is damaged: its checksum is another")
         node = self._array_node(key, found)
         if node.dtype.name != "float32" or len(node.shape) != 3 or node.chunks != (1, *node.shape[1:]):
-            raise RecordingError(f"{self._root}: {key} is damaged: it is no array of frames")
+            raise RecordingError(f"{self.root}: {key} is damaged: it is no array of frames")
         return node
 
     @cached_property
@@ -228,14 +265,14 @@ class Store:
         """
         bases = math.prod(self._node("reference/harmonics").shape[1:2])
         try:
-            refuse_too_large(self._root, sum(map(self._size, self._reference_files())), self.rows, bases)
+            refuse_too_large(self.root, sum(map(self._size, self._reference_files())), self.rows, bases)
         except SplatFormatError as error:
             raise TooLargeError(str(error)) from None
         return True
 
     def frame_names(self) -> list[str]:
         """Arrays that every frame has a chunk of."""
-        return [name for name in ("displacements", "velocities", "drifts") if is_folder(self._root, f"frames/{name}")]
+        return [name for name in ("displacements", "velocities", "drifts") if is_folder(self.root, f"frames/{name}")]
 
     def _node(self, name: str) -> ArrayNode:
         key = f"{name}/zarr.json"
@@ -245,34 +282,50 @@ class Store:
         try:
             return ArrayNode.of(node)
         except ValueError as error:
-            raise RecordingError(f"{self._root}: {key} is damaged: {error}") from None
+            raise RecordingError(f"{self.root}: {key} is damaged: {error}") from None
 
     def _node_of(self, key: str) -> dict[str, Any]:
-        return parsed(self._root, key, self._read(key, MOST_BYTES))
+        return parsed(self.root, key, self._read(key, MOST_BYTES))
 
     def _read(self, key: str, most: int) -> bytes:
         """A file that was written once."""
         if self._files:
             if key not in self._files:
-                raise RecordingError(f"{self._root}: {key} is damaged: the header does not know it")
+                raise RecordingError(f"{self.root}: {key} is damaged: the header does not know it")
             if self._files[key].size > most:
-                raise RecordingError(f"{self._root}: {key} is damaged: it is longer than it can be")
-            return read_checked(self._root, key, self._files[key])
+                raise RecordingError(f"{self.root}: {key} is damaged: it is longer than it can be")
+            return read_checked(self.root, key, self._files[key])
         try:
-            return read_file(self._root, key, most)
+            return read_file(self.root, key, most)
         except FileNotFoundError:
-            raise RecordingError(f"{self._root}: {key} is damaged: it is missing") from None
+            raise RecordingError(f"{self.root}: {key} is damaged: it is missing") from None
 
     def _chunk(self, name: str, place: tuple[int, ...], node: ArrayNode) -> bytes | None:
         """The content of a chunk's file; None where, before version 6, it is all zeros."""
         key = f"{name}/{chunk_key(place)}"
-        most = node.chunk_size + node.chunk_size // _SPARE + 1024
+        most = self._longest(node)
         if self._files or name.rpartition("/")[2] in _NEVER_ZERO or self._exists(key):
             return self._read(key, most)
         return None
 
+    def _longest(self, node: ArrayNode) -> int:
+        """Bytes that a chunk's file may have."""
+        return node.chunk_size + node.chunk_size // _SPARE + 1024
+
+    def checked(self, key: str, check: FileCheck) -> bytes:
+        """A file that is as the header, or a commit, says that it is.
+
+        Raises
+        ------
+        RecordingError
+            Where it is missing, damaged, or longer than any of so many Gaussians.
+        """
+        if check.size > MOST_BYTES + _LONGEST_ROW * self.plausible_rows:
+            raise RecordingError(f"{self.root}: {key} is damaged: it is longer than it can be")
+        return read_checked(self.root, key, check)
+
     def _exists(self, key: str) -> bool:
-        return (self._root / key).exists() or (self._root / key).is_symlink()
+        return (self.root / key).exists() or (self.root / key).is_symlink()
 
     def _unpacked(self, content: bytes, key: str, node: ArrayNode, checked: bool) -> Array:
         """A chunk; where its file has no checksum, its own is asked."""
@@ -281,15 +334,15 @@ class Store:
                 raise ValueError("its checksum is another")
             return decoded(content, node)
         except ValueError as error:
-            raise RecordingError(f"{self._root}: {key} is damaged: {error}") from None
+            raise RecordingError(f"{self.root}: {key} is damaged: {error}") from None
 
     def _reference_files(self) -> list[str]:
         if self._files:
             return [key for key in self._files if key.startswith("reference/")]
-        return [key for key, regular in files_below(self._root, "reference") if regular]
+        return [key for key, regular in files_below(self.root, "reference") if regular]
 
     def _size(self, key: str) -> int:
         try:
-            return (self._root / key).lstat().st_size
+            return (self.root / key).lstat().st_size
         except OSError:
             return 0

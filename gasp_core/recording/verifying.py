@@ -10,11 +10,11 @@ from gasp_core.errors import GaspError, RecordingError
 from gasp_core.recording.arrays import chunk_key, sound
 from gasp_core.recording.checkpoints import load_checkpoint
 from gasp_core.recording.commits import Commits
-from gasp_core.recording.files import files_below, is_folder, read_checked, read_file
-from gasp_core.recording.layout import commit_key
+from gasp_core.recording.files import TooLargeError, UnreadableError, files_below, is_folder, read_file
+from gasp_core.recording.layout import FILES, commit_key
 from gasp_core.recording.nodes import MOST_BYTES, whole
 from gasp_core.recording.reader import Recording
-from gasp_core.recording.store import Store, TooLargeError
+from gasp_core.recording.store import Store
 
 __all__ = ["Verdict", "leading_frames", "readable_frames", "refuse_damaged", "verify"]
 
@@ -69,7 +69,8 @@ def verify(path: str | Path) -> Verdict:
     damaged = [*whole_run, *_faults_of_groups(recording), *(fault for found in faults.values() for fault in found)]
     if recording.has_velocities:
         # Nothing that is drawn needs them.
-        damaged += [fault for frame in good for fault in _faults_of_frame(recording, frame, ["velocities"])]
+        store = Store(recording.path, recording.header)
+        damaged += [fault for frame in good for fault in _told_of_frame(store, frame, ["velocities"])]
     try:
         _ = recording.frames_wanted
     except RecordingError as error:
@@ -92,8 +93,9 @@ def verify(path: str | Path) -> Verdict:
 
 def readable_frames(recording: Recording) -> tuple[tuple[int, ...], dict[int, list[str]]]:
     """Frames whose Gaussians can be read, and what is wrong with the files of the others, by their number."""
-    drawn = [name for name in Store(recording.path, recording.header).frame_names() if name != "velocities"]
-    faults = {frame: found for frame in _numbers(recording) if (found := [*_faults_of_frame(recording, frame, drawn)])}
+    store = Store(recording.path, recording.header)
+    drawn = [name for name in store.frame_names() if name != "velocities"]
+    faults = {frame: found for frame in _numbers(recording) if (found := _told_of_frame(store, frame, drawn))}
     good = [frame for frame in _numbers(recording) if frame not in faults]
     for frame in good if faults else ():
         # The shapes of simplices without a frame of their own are those of an earlier one.
@@ -115,11 +117,21 @@ def refuse_damaged(recording: Recording) -> None:
 
 
 def leading_frames(recording: Recording) -> int:
-    """Frames from the first on of which nothing is damaged."""
-    names = Store(recording.path, recording.header).frame_names()
-    for frame in range(recording.frame_count):
-        for _ in _faults_of_frame(recording, frame, names):
-            return frame
+    """Frames from the first on of which nothing is damaged.
+
+    Raises
+    ------
+    UnreadableError
+        Where the next one cannot be read now, and so nobody knows.
+    """
+    store = Store(recording.path, recording.header)
+    names = store.frame_names()
+    for frame in [*range(recording.frame_count), *recording.torn]:
+        for error in _faults_of_frame(store, frame, names):
+            if isinstance(error, UnreadableError):
+                raise error
+            if frame < recording.frame_count:
+                return frame
     return recording.frame_count
 
 
@@ -134,7 +146,9 @@ def _faults_of_all(recording: Recording) -> Iterator[str]:
     named = False
     for key in sorted(store.files.keys() - set(store.groups)):
         try:
-            read_checked(recording.path, key, store.files[key])
+            store.checked(key, store.files[key])
+        except TooLargeError:
+            raise
         except RecordingError as error:
             named = True
             yield _told(recording, error)
@@ -161,31 +175,35 @@ def _faults_of_groups(recording: Recording) -> Iterator[str]:
     store = Store(recording.path, recording.header)
     for key in store.groups:
         try:
-            read_checked(recording.path, key, store.files[key])
+            store.checked(key, store.files[key])
         except RecordingError as error:
             yield _told(recording, error)
 
 
-def _faults_of_frame(recording: Recording, frame: int, names: Sequence[str]) -> Iterator[str]:
+def _faults_of_frame(store: Store, frame: int, names: Sequence[str]) -> Iterator[RecordingError]:
     """What is damaged of a frame's commit, and of its chunks of the arrays of these names."""
     try:
-        commit = Commits(recording.path, recording.header).read(frame)
+        commit = Commits(store).read(frame)
     except RecordingError as error:
-        yield _told(recording, error)
+        yield error
         return
     for name in names:
         key = f"frames/{name}/{chunk_key((frame, 0, 0))}"
         check = commit.chunks.get(key)
         if check is None:
-            yield f"{commit_key(frame)} does not know {key}"
-        elif check.size or recording.header.files:
+            yield RecordingError(f"{store.root}: {commit_key(frame)} does not know {key}")
+        elif check.size or store.files:
             try:
-                content = read_checked(recording.path, key, check)
+                content = store.checked(key, check)
             except RecordingError as error:
-                yield _told(recording, error)
+                yield error
             else:
                 if not sound(content):
-                    yield f"{key} is damaged: its checksum is another"
+                    yield RecordingError(f"{store.root}: {key} is damaged: its checksum is another")
+
+
+def _told_of_frame(store: Store, frame: int, names: Sequence[str]) -> list[str]:
+    return [str(error).removeprefix(f"{store.root}: ") for error in _faults_of_frame(store, frame, names)]
 
 
 def _faults_of_checkpoints(recording: Recording) -> Iterator[str]:
@@ -203,7 +221,8 @@ def _strangers(recording: Recording) -> Iterator[tuple[str, bool]]:
     known = {"zarr.json", "status/zarr.json", *recording.header.files}
     for key, regular in files_below(recording.path):
         parts = key.split("/")
-        own = key in known or parts[0] in ("commits", "checkpoints", "frames")
+        grown = parts[0] in ("commits", "checkpoints", "frames") and FILES.fullmatch(parts[-1]) is not None
+        own = key in known or grown
         if not recording.header.files:
             own |= parts[0] in ("reference", "bodies")
         if not (own and regular):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,13 +15,13 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
-from gasp_core.processes.scratch import MARK, clear_left_over
+from gasp_core.processes.scratch import clear_left_over
 from gasp_core.recording.arrays import array_node, chunk_key, encoded
-from gasp_core.recording.checkpoints import checkpoint_files, read_checkpoint
+from gasp_core.recording.checkpoints import checkpoint_files, load_checkpoint
 from gasp_core.recording.creating import create_store
 from gasp_core.recording.durable import discard, folder_in_the_making, remove_leftovers, replace_file, sync_folder
-from gasp_core.recording.files import FileCheck, checksum
-from gasp_core.recording.layout import FORMAT, Commit, Header, commit_attributes, commit_key
+from gasp_core.recording.files import FileCheck, UnreadableError, checksum
+from gasp_core.recording.layout import FILES, FORMAT, Commit, Header, commit_attributes, commit_key
 from gasp_core.recording.lock import lock
 from gasp_core.recording.nodes import group, read_node, sealed, write_attributes
 from gasp_core.recording.reader import Recording
@@ -34,10 +33,6 @@ __all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
 Array = NDArray[Any]
 
 _KEPT_CHECKPOINTS = 2
-_FILES = re.compile(
-    rf"(zarr\.json|c(\.[0-9]+)*|[0-9]+(\.[0-9]+)*)(\.part|\.[0-9a-f]{{32}}\.partial)?|{re.escape(MARK)}"
-)
-"""Names of all files that recordings of any version have, and of what killed runs leave of them."""
 
 
 def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[Array, Array]:
@@ -135,10 +130,9 @@ class RecordingWriter:
             count = leading_frames(found)
             if count < found.frame_count or found.torn:
                 writer.note = f"frame {count} of {path} is damaged: it and those after it are computed again"
-            for number, folder in writer._checkpoints().items():
-                if not read_checkpoint(path, number, sealed=bool(found.header.files)):
-                    shutil.rmtree(folder, ignore_errors=True)
-            frame, state = writer._last_checkpoint(count) if count < frames_wanted else (count - 1, {})
+            frame, state = writer._last_checkpoint(count)
+            if count >= frames_wanted:
+                frame, state = count - 1, {}
             writer._take_back(frame + 1)
             for name, node in writer._frames.items():
                 if node.shape[0] < frames_wanted:
@@ -284,13 +278,25 @@ class RecordingWriter:
                 write_attributes((self.path / key).parent, {})
 
     def _last_checkpoint(self, count: int) -> tuple[int, dict[str, Array]]:
-        """The last checkpoint whose frame is finished and that can be read; else frame 0, or -1, and nothing."""
-        for frame in sorted(self._checkpoints(), reverse=True):
-            if frame < count:
-                state = read_checkpoint(self.path, frame, sealed=bool(self.header.files))
-                if state:
-                    return frame, state
-        return min(count, 1) - 1, {}
+        """The last checkpoint whose frame is finished, and its number; else frame 0, or -1, and nothing.
+
+        Those that are damaged are removed. What cannot be read now is no damage, and ends all before that.
+        """
+        sealed = bool(self.header.files)
+        last = -1
+        damaged: list[Path] = []
+        for frame, folder in sorted(self._checkpoints().items()):
+            try:
+                # Read again below: two of them may be more than there is room for.
+                if load_checkpoint(self.path, frame, sealed=sealed) and frame < count:
+                    last = frame
+            except UnreadableError:
+                raise
+            except RecordingError:
+                damaged.append(folder)
+        for folder in damaged:
+            shutil.rmtree(folder, ignore_errors=True)
+        return (last, load_checkpoint(self.path, last, sealed=sealed)) if last >= 0 else (min(count, 1) - 1, {})
 
     def _take_back(self, first: int) -> None:
         """Remove frames from `first` on: commits first, last to first, so that no half frame is ever seen."""
@@ -307,7 +313,8 @@ class RecordingWriter:
         for name in self._frames:
             for entry in (self.path / "frames" / name).glob("c.*"):
                 # A file that was being written has a longer name; it goes with its frame.
-                if int(entry.name.split(".")[1]) >= first:
+                number = entry.name.split(".")[1]
+                if number.isascii() and number.isdigit() and int(number) >= first:
                     entry.unlink()
 
 
@@ -350,7 +357,7 @@ def _foreign_entry(path: Path) -> Path | None:
     """Something in a recording that is none of its files, which whoever replaces it must not remove along."""
     for folder, _, files in os.walk(path):
         for name in files:
-            if _FILES.fullmatch(name) is None:
+            if FILES.fullmatch(name) is None:
                 return Path(folder) / name
     return None
 

@@ -70,10 +70,14 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
 
 
 def _path(path: Path, beside: Path | None) -> str:
-    # Of the folder that holds it: a splat that is a link is named as it is, wherever that leads.
-    here = path.parent.resolve() / path.name
-    if beside is not None and here.is_relative_to(beside.resolve()):
-        return str(here.relative_to(beside.resolve()))
+    if beside is not None:
+        # As it is named, through whatever links; else by the folder that holds it, for a splat may be a link itself.
+        for here, folder in (
+            (path.absolute(), beside.absolute()),
+            (path.parent.resolve() / path.name, beside.resolve()),
+        ):
+            if here.is_relative_to(folder) and ".." not in here.relative_to(folder).parts:
+                return str(here.relative_to(folder))
     return str(path.absolute())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import signal
 import threading
 import time
@@ -35,6 +36,9 @@ from gasp_core.simulation.monitor import FASTER_THAN_SOUND, Watch, inspect, outr
 __all__ = ["FrameLoop", "drift_is_recorded"]
 
 Array = NDArray[Any]
+
+_SAME_TIME = 1e-6
+"""Of a frame: sums of steps may be off in their last digits, and no checkpoint of another frame is that near."""
 
 
 class FrameLoop:
@@ -128,11 +132,11 @@ class FrameLoop:
     def _expect_time(self, session: EngineSession, last: int) -> None:
         """Refuse to go on from a checkpoint of another time: its frames would be of no run."""
         expected = self._scene.time_of(last)
-        if session.time != expected:
+        if not abs(session.time - expected) <= _SAME_TIME / self._scene.frame_rate:
             kept = self._writer.path / "checkpoints" / f"{last:08d}"
             raise RecordingError(
-                f"{kept}: the engine's state is of {session.time:.9g} s, frame {last} of {expected:.9g} s: it is"
-                " damaged or of another run; remove that folder and resume"
+                f"{kept}: the engine's state is of {session.time!r} s, frame {last} of {expected!r} s: it is damaged,"
+                " of another run, or the engine does not keep its time; remove that folder and resume"
             )
 
     def _record(self, frame: int, session: EngineSession, report: StepReport, before: PointState) -> PointState:
@@ -143,6 +147,7 @@ class FrameLoop:
         verdict = inspect(self._watch, before, state)
         if verdict.status is not Status.OK:
             raise self._diverged(frame, dataclasses.replace(report, status=verdict.status), verdict.reason)
+        smallest, largest = self._substeps(frame, report)
         warnings = [*report.warnings, *self._outran(before, state)]
         means, relative = self._writer.split(state.positions)
         drifts = self._drifts(frame)
@@ -157,8 +162,8 @@ class FrameLoop:
             degenerate=degenerate,
             diagnostics={
                 "substeps": int(report.substep_count),
-                "smallest_substep": float(report.smallest_substep),
-                "largest_substep": float(report.largest_substep),
+                "smallest_substep": smallest,
+                "largest_substep": largest,
                 "kinetic_energy": verdict.kinetic_energy,
                 "potential_energy": None if verdict.released_potential is None else -verdict.released_potential,
                 "degenerate": sum(len(rows) for rows in degenerate),
@@ -171,6 +176,18 @@ class FrameLoop:
         for warning in warnings:
             self._shown.warn(f"frame {frame}: {warning}")
         return state
+
+    def _substeps(self, frame: int, report: StepReport) -> tuple[float, float]:
+        """The smallest and the largest [s]; zero where there were none, whatever the engine's sums began with."""
+        if report.substep_count == 0:
+            return 0.0, 0.0
+        sizes = float(report.smallest_substep), float(report.largest_substep)
+        if not all(map(math.isfinite, sizes)):
+            raise EngineCrashedError(
+                f"{self._chosen.descriptor.name} failed at frame {frame}: it reports that all went well, with substeps"
+                f" of {sizes[0]} to {sizes[1]} s: this is a fault of the engine"
+            )
+        return sizes
 
     def _outran(self, before: PointState, state: PointState) -> list[str]:
         """What there is to say of matter that outruns its own sound, once a run."""
@@ -261,7 +278,8 @@ class FrameLoop:
         elif accuracy.substep is not None:
             advice = f"; try substep = {accuracy.substep / 2:.3g} under [accuracy]"
         else:
-            step = f" (a substep of {report.smallest_substep / 2:.3g} s)" if report.smallest_substep > 0 else ""
+            half = report.smallest_substep / 2
+            step = f" (a substep of {half:.3g} s)" if 0 < half < math.inf else ""
             advice = f"; try substep_fraction = {accuracy.substep_fraction / 2:.3g} under [accuracy]{step}"
         name = self._chosen.descriptor.name
         return EngineDivergedError(

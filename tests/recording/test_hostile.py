@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import pickle
 import shutil
+import zipfile
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ import pytest
 from gasp_core import Recording, RecordingChoice, Reduction
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
-from gasp_core.recording.arrays import encoded
+from gasp_core.recording.arrays import array_node, encoded, pieces, usual_chunks
+from gasp_core.recording.checkpoints import load_checkpoint
 from gasp_core.recording.creating import create_store
 from gasp_core.recording.files import checksum
 from gasp_core.recording.nodes import group, parsed, sealed
@@ -270,7 +273,7 @@ def forge_commit(path, change):
     key.write_bytes(sealed(node))
 
 
-@pytest.mark.parametrize("rows", [0, None, "", True, [0], [[1]], [[0, 700]], [[-1, 0]], [[0.5, 0]]])
+@pytest.mark.parametrize("rows", [0, None, "", True, [0], [[1]], [[0, 700]], [[-1, 0]], [[0.5, 0]], [["1e0", "0"]]])
 def test_rows_without_a_frame_that_are_none_are_refused(path, rows):
     forge_commit(path, lambda commit: commit.update(degenerate=[rows]))
     refused(path, r"commits/00000001/zarr\.json is damaged")
@@ -320,6 +323,118 @@ def test_a_scene_of_many_objects_is_read_again_and_one_of_too_many_is_not_begun(
     more = dataclasses.replace(header, objects=header.objects * 30_000)
     with pytest.raises(RecordingError, match=r"30,000 objects are more than a recording can name"):
         create_store(tmp_path / "new", more, {}, {}, 1)
+
+
+def test_a_carrier_has_no_arrays_but_its_own(path):
+    name = "bodies/0/x0"
+    node, chunks = pieces(np.zeros((COUNT, 12)), (COUNT, 12))
+    (path / name).mkdir()
+    forge(path, f"{name}/zarr.json", sealed(array_node(node)))
+    for key, values in chunks.items():
+        forge(path, f"{name}/{key}", encoded(values))
+    refused(path, r"bodies/0/x0 is damaged: no carrier has such an array")
+
+
+def test_a_carrier_does_not_unpack_to_more_than_it_can_mean(kept, cloud, scene_of, run, tmp_path):
+    # So many that the memory any file may take is not enough for all of what a carrier could be told to have.
+    many = kept / "many.gasp"
+    if not many.exists():
+        run(scene_of(cloud(30_000), duration=0.04), many)
+    path = shutil.copytree(many, tmp_path / "many.gasp")
+    for level in range(9):
+        for part in ("labels", "neighbours", "weights", "inverses", "fallen", "order"):
+            name = f"bodies/0/levels/{level}/transfer/{part}"
+            node, chunks = pieces(np.zeros((30_000, 12)), usual_chunks((30_000, 12)))
+            (path / name).mkdir(parents=True)
+            forge(path, f"{name}/zarr.json", sealed(array_node(node)))
+            for key, values in chunks.items():
+                forge(path, f"{name}/{key}", encoded(values))
+    refused(path, "it would unpack to more than it can mean")
+
+
+def test_the_parts_of_a_commit_are_bounded_by_what_its_recording_holds(path):
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["objects"][0]["last"] = 2**39
+    (path / "zarr.json").write_bytes(sealed(header))
+    forge_commit(path, lambda commit: commit["diagnostics"].update(x=[[]] * 2_000_000))
+    with pytest.raises(RecordingError, match="it is no metadata that GASP writes"):
+        Recording.open(path).commit(1)
+
+
+@pytest.mark.parametrize("size", [2**40 - 1, 10**30, -1, 1.5, "1"])
+def test_no_length_that_is_only_told_is_read(path, size):
+    forge_commit(path, lambda commit: commit["chunks"].update({"frames/displacements/c.1.0.0": [size, 0]}))
+    refused(path, "damaged")
+    node = json.loads((path / "checkpoints" / "00000002" / "zarr.json").read_text())
+    node["attributes"]["files"]["c.0"][0] = size
+    (path / "checkpoints" / "00000002" / "zarr.json").write_bytes(sealed(node))
+    with pytest.raises(RecordingError, match="damaged"):
+        load_checkpoint(path, 2, sealed=True)
+    header = json.loads((path / "zarr.json").read_text())
+    header["attributes"]["files"]["reference/means/c.0.0"][0] = size
+    (path / "zarr.json").write_bytes(sealed(header))
+    assert main(["verify", str(path)]) in (1, 2)
+
+
+def test_a_file_that_has_grown_is_not_read(path):
+    file = path / "frames" / "displacements" / "c.1.0.0"
+    size = file.stat().st_size
+    os.truncate(file, 1 << 40)
+    refused(path, rf"has {1 << 40:,} bytes, expected {size:,}")
+    os.truncate(path / "reference" / "means" / "c.0.0", 1 << 40)
+    assert any("reference/means/c.0.0 is damaged: has" in line for line in verify(path).damaged)
+
+
+def archive(header, flag=0):
+    """A state of one array with that header, its archive's flags changed."""
+    filled = header.encode() + b" " * (-(10 + len(header) + 1) % 64) + b"\n"
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as parts:
+        parts.writestr("a0.npy", b"\x93NUMPY\x01\x00" + len(filled).to_bytes(2, "little") + filled + bytes(24))
+    content = bytearray(packed.getvalue())
+    content[6] |= flag
+    content[content.index(b"PK\x01\x02") + 8] |= flag
+    return bytes(content)
+
+
+SHAPED = "{{'descr': '<f8', 'fortran_order': False, 'shape': {}}}"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        archive(SHAPED.format("(3,")),
+        archive(SHAPED.format("(3,)"), flag=1),
+        archive(SHAPED.format(f"({10**28},)")),
+        archive(SHAPED.format("(1000000000,)")),
+        archive(SHAPED.format("(-3,)")),
+        archive(SHAPED.format("(" * 3000 + ")" * 3000)),
+        archive("{'descr': '|O', 'fortran_order': False, 'shape': (3,)}"),
+        b"PK",
+    ],
+)
+def test_a_state_that_is_none_is_refused_in_a_line(path, content, capsys):
+    node, chunks = pieces(np.frombuffer(content, dtype=np.uint8), (len(content),))
+    files = {key: encoded(values, "lz4", "bitshuffle") for key, values in chunks.items()}
+    told = {"names": ["steps"], "files": {key: [len(file), checksum(file)] for key, file in files.items()}}
+    folder = path / "checkpoints" / "00000002"
+    for key, file in files.items():
+        (folder / key).write_bytes(file)
+    (folder / "zarr.json").write_bytes(sealed(array_node(node, told, "lz4", "bitshuffle")))
+    with pytest.raises(RecordingError, match="checkpoints/00000002 is damaged"):
+        load_checkpoint(path, 2, sealed=True)
+    assert main(["verify", str(path)]) == 1
+    assert "checkpoints/00000002 is damaged" in capsys.readouterr().out
+
+
+def test_a_file_that_is_no_frame_of_the_array_is_named_and_let_be(scene_of, run, tmp_path):
+    path = tmp_path / "a.gasp"
+    run(scene_of(duration=0.2), path, frames=3)
+    stray = path / "frames" / "displacements" / "c.bak"
+    stray.write_text("mine")
+    assert "frames/displacements/c.bak is not of the recording" in verify(path).notes
+    assert run(scene_of(duration=0.2), path, resume=True).status == "complete"
+    assert stray.read_text() == "mine"
 
 
 def test_velocities_that_are_damaged_cost_no_gaussians(scene_of, run, tmp_path):

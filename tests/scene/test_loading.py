@@ -367,3 +367,14 @@ def test_contradictions_in_python_are_refused_too():
         Scene(duration=1, frame_rate=1, objects=(twin, twin))
     with pytest.raises(SceneError, match="frames"):
         Scene(duration=1e9, frame_rate=1e9, objects=(twin,))
+
+
+def test_a_splat_behind_a_link_of_the_project_stays_relative(tmp_path, scene_of):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "project").mkdir()
+    (tmp_path / "project" / "data").symlink_to(tmp_path / "elsewhere")
+    scene = scene_of(splat=tmp_path / "project" / "data" / "x.ply")
+    assert 'splat = "data/x.ply"' in scene_to_toml(scene, beside=tmp_path / "project")
+    scene = scene_of(splat=tmp_path / "project" / "data" / ".." / "x.ply")
+    # Behind a link, ".." is the folder above where it leads.
+    assert f'splat = "{tmp_path}/project/data/../x.ply"' in scene_to_toml(scene, beside=tmp_path / "project")

@@ -9,6 +9,7 @@ What is computed here must not change by a bit: the recordings of earlier versio
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import sys
@@ -158,6 +159,10 @@ class Session:
                 self.positions[5] += 100.0
             case "limit":
                 status, warnings = Status.SUBSTEP_LIMIT, ("too many substeps: coarsen the resolution",)
+            case "boundless":
+                step = math.inf
+            case "idle":
+                count, step = 0, math.inf
             case "warn":
                 warnings = ("so so",)
             case "interrupt":
