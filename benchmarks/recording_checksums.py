@@ -24,6 +24,11 @@ from pathlib import Path
 import numpy as np
 
 REPEATS = 7
+DIAGNOSTICS = {
+    **dict.fromkeys(("substeps", "degenerate", "clipped", "inverted", "stretched"), 0),
+    **dict.fromkeys(("smallest_substep", "largest_substep", "kinetic_energy", "potential_energy"), 0.0),
+    "warnings": [],
+}
 
 
 def least(function, repeats: int = REPEATS) -> float:
@@ -91,7 +96,7 @@ def measure(path: Path, frames: int, count: int) -> dict[str, float]:
             means=np.zeros((1, 3)),
             velocities=None,
             degenerate=still,
-            diagnostics={"warnings": []},
+            diagnostics=DIAGNOSTICS,
         )
 
     times = []
