@@ -1,5 +1,6 @@
 """Sessions as those of every engine for explicit MPM, and what is this one's own."""
 
+import os
 import subprocess
 import sys
 
@@ -38,6 +39,28 @@ def test_an_unsolicited_word_is_never_printed():
     code = "from gasp_warp_mpm import runtime; runtime.device_for('cpu')"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (result.stdout, result.stderr) == ("", "")
+
+
+def test_compiling_puts_nothing_where_a_killed_process_would_leave_it(tmp_path):
+    code = """
+import os
+import warp
+from gasp_warp_mpm import runtime
+
+@warp.kernel(module="unique")
+def double(x: warp.array[float]):
+    x[warp.tid()] *= 2.0
+
+runtime.load(double.module, runtime.device_for("cpu"))
+os._exit(0)  # as after a kill, nobody clears up
+"""
+    script, temporary = tmp_path / "script.py", tmp_path / "temporary"  # Warp reads the source of a kernel
+    script.write_text(code)
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary), "WARP_CACHE_PATH": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, str(script)], check=True, env=environment)
+    assert list((tmp_path / "cache").rglob("*.o")), "it was not compiled here"
+    assert not list(temporary.iterdir())
 
 
 def test_plugin_imports_no_backend():
