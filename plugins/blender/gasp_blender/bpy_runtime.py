@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import importlib
 import itertools
@@ -33,15 +34,22 @@ _waiting: list[subprocess.Popen[bytes]] = []
 def quiet() -> Generator[None]:
     """One thread at a time, and what Blender prints goes to stderr: standard output belongs to the caller."""
     with _lock:
-        with contextlib.suppress(ValueError, OSError):
-            sys.stdout.flush()
+        _empty_buffers()
         kept = os.dup(1)
         os.dup2(2, 1)
         try:
             yield
         finally:
+            _empty_buffers()
             os.dup2(kept, 1)
             os.close(kept)
+
+
+def _empty_buffers() -> None:
+    """Have what was printed so far, by Python or in C, go where standard output leads now: a pipe is written late."""
+    with contextlib.suppress(ValueError, OSError):
+        sys.stdout.flush()
+    ctypes.CDLL(None).fflush(None)
 
 
 @functools.cache

@@ -22,6 +22,8 @@ def in_its_environment(code):
     python = ready_python(discover().descriptor("blender"))
     homes = [str(Path(package.__file__).parents[1]) for package in (gasp_core, gasp_blender)]
     surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(homes)}
+    # What is printed is to wait in a buffer, as it does wherever nobody asks otherwise.
+    surroundings.pop("PYTHONUNBUFFERED", None)
     return subprocess.run(
         [str(python), "-c", code],
         capture_output=True,
