@@ -47,7 +47,7 @@ def refuse_other(found: Recording, wanted: Header, descriptor: EngineDescriptor,
     if header.points_digest != wanted.points_digest:
         raise RecordingError(
             f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
-            f" ({header.gasp_version}): {_ADVICE}"
+            f" ({header.gasp_version}), on this processor at least: {_ADVICE}"
         )
 
 

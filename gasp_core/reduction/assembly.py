@@ -16,7 +16,7 @@ from gasp_core.errors import SceneError
 from gasp_core.games import invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
-from gasp_core.reduction.cores import sample_cores
+from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
@@ -105,7 +105,12 @@ class MovedGaussians:
     simplices: Array
 
 
-def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str, Played] | None = None) -> Assembly:
+def assemble(
+    scene: Scene,
+    objects: Sequence[PlacedObject],
+    motions: Mapping[str, Played] | None = None,
+    known: Mapping[str, Levels] | None = None,
+) -> Assembly:
     """Build the problem of a scene whose objects have been placed.
 
     Parameters
@@ -114,6 +119,8 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
         The objects in the order of the scene.
     motions
         Of those that move by themselves, by name.
+    known
+        Cores of objects, by name, that are to be taken again where they can be, see `sample_cores`.
 
     Raises
     ------
@@ -141,7 +148,8 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
     for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
         carried = drift is not None and drift.played.choice.composition == "carried"
-        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried)
+        cores = (known or {}).get(placed.item.name)
+        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried, cores)
         points, volumes = sample.positions + block.centre, sample.volumes
         material = placed.item.material
         assert material is not None  # SplatObject refuses what moves and is made of nothing
@@ -187,7 +195,9 @@ def assemble(scene: Scene, objects: Sequence[PlacedObject], motions: Mapping[str
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
 
 
-def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool) -> Sample:
+def _sample(
+    placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool, known: Levels | None
+) -> Sample:
     """The points of an object by the mode it asks for.
 
     Raises
@@ -203,7 +213,7 @@ def _sample(placed: PlacedObject, block: Block, floor: float, spacing: float, dr
             f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'
             ' Gaussians of it that move: ask for fewer, or for mode = "all"'
         )
-    return sample_cores(block, reduction, floor, spacing)
+    return sample_cores(block, reduction, floor, spacing, known)
 
 
 def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block]) -> float:

@@ -33,6 +33,9 @@ _CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 """Four points of mean zero and covariance one."""
 _THIN = 1e-9
 """Least share of a cluster's shortest axis squared in its longest one squared for a slope of velocities along it."""
+_ROUNDING = 1e-9
+"""Of a body's size, that a core may be off by and still be of its cluster: coordinates are rounded at 1e-16 of it, a
+cluster of a million adds up as many of these."""
 _CORNERS_A_CELL = 4
 """A plant in 5,499 cells strayed from that of all vertices by 0.8 % of its diagonal with 4 a cell, by 5.0 % with 1."""
 
@@ -130,7 +133,24 @@ class Levels:
         return cls(levels=tuple(levels))
 
 
-def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: float) -> Sample:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Matter:
+    """What clusters are of, and they themselves: volumes (N,), means (N, 3) and covariances (N, 3, 3)."""
+
+    volumes: Array
+    means: Array
+    covariances: Array
+
+    def clustered(self, labels: Array) -> _Matter:
+        """Of the clusters."""
+        volumes, means, between = scatter(self.means, labels, self.volumes)
+        within = _averages(self.covariances, labels, self.volumes)
+        return _Matter(volumes=volumes, means=means, covariances=between + within)
+
+
+def sample_cores(
+    block: Block, reduction: Reduction, floor: float, spacing: float, known: Levels | None = None
+) -> Sample:
     """The corners of a body's cores.
 
     Parameters
@@ -143,6 +163,9 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
         Shortest edge the engine is given [m].
     spacing
         Of the engine [m].
+    known
+        Cores that were made of such a body before, on whatever machine, and are to be these where they can be: where
+        two clusters are equally near, or two axes equally long, roundings decide, and each processor has its own.
 
     Returns
     -------
@@ -156,26 +179,63 @@ def sample_cores(block: Block, reduction: Reduction, floor: float, spacing: floa
     shares = cell_volumes(corners + block.centre, spacing)
     cells = round(float(shares.sum()) / spacing**3)
     volumes, means, covariances = scatter(corners, np.repeat(np.arange(count), vertices), shares)
-    places = block.local.means.astype(np.float64)
+    whole = _Matter(volumes=volumes, means=means, covariances=covariances)
+    matter = None if known is None else _matter_of(known.levels, whole, reduction, floor)
+    if known is None or matter is None:
+        levels, matter = _made(whole, block.local.means.astype(np.float64), reduction, floor)
+    else:
+        levels = known.levels
+    return Sample(
+        positions=levels[0].cores.points.reshape(-1, 3),
+        volumes=np.repeat(matter.volumes / 4, 4),
+        carrier=Levels(levels=levels),
+        bounds=bounds_of(corners),
+        notes=_notes(levels, cells),
+    )
+
+
+def _made(matter: _Matter, places: Array, reduction: Reduction, floor: float) -> tuple[tuple[Level, ...], _Matter]:
+    """Levels of cores of matter whose Gaussians are at (N, 3) [m], and what the engine's are of."""
+    count = len(places)
     levels: list[Level] = []
     for number in _counts(count, reduction.cores_of(count), reduction.levels or 1):
         labels = cluster(places, number)
-        own_volumes, own_means, between = scatter(means, labels, volumes)
-        own_covariances = between + _averages(covariances, labels, volumes)
-        cores = Cores(points=_corners(own_means, own_covariances, floor))
+        matter = matter.clustered(labels)
+        cores = Cores(points=_corners(matter, floor))
         if reduction.transfer == "frame":
             transfer: Transfer = OneFrame(labels=labels)
         else:
             transfer = LeastSquares.build(cores, places, labels)
         levels.insert(0, Level(cores=cores, transfer=transfer))
-        volumes, means, covariances, places = own_volumes, own_means, own_covariances, own_means
-    return Sample(
-        positions=levels[0].cores.points.reshape(-1, 3),
-        volumes=np.repeat(volumes / 4, 4),
-        carrier=Levels(levels=tuple(levels)),
-        bounds=bounds_of(corners),
-        notes=_notes(levels, cells),
-    )
+        places = matter.means
+    return tuple(levels), matter
+
+
+def _matter_of(levels: Sequence[Level], matter: _Matter, reduction: Reduction, floor: float) -> _Matter | None:
+    """What the engine's cores of these levels are of; None where they are none that this reduction makes of it.
+
+    That asks nothing about roundings: the corners of a cluster may be turned, its mean and covariance are what they
+    are.
+    """
+    count = len(matter.volumes)
+    numbers = _counts(count, reduction.cores_of(count), reduction.levels or 1)
+    transfer = OneFrame if reduction.transfer == "frame" else LeastSquares
+    if len(levels) != len(numbers) or not all(isinstance(level.transfer, transfer) for level in levels):
+        return None
+    size = float(np.ptp(matter.means, axis=0).max()) + floor
+    for level, number in zip(reversed(levels), numbers):
+        labels, cores = level.transfer.labels, level.cores
+        fits = len(labels) == len(matter.volumes) and len(cores) <= number
+        if not fits or not np.bincount(labels, minlength=len(cores)).all():
+            return None
+        matter = matter.clustered(labels)
+        expected = Cores(points=_corners(matter, floor))
+        widths = np.sqrt(np.trace(expected.moments, axis1=1, axis2=2))
+        near = (np.abs(cores.centres - expected.centres) <= _ROUNDING * size).all()
+        alike = (np.abs(cores.moments - expected.moments) <= _ROUNDING * size * widths[:, None, None]).all()
+        if not (near and alike):
+            return None
+    return matter
 
 
 def _notes(levels: Sequence[Level], cells: int) -> tuple[str, ...]:
@@ -210,8 +270,8 @@ def _spread(axes: Array, values: Array) -> Array:
     return (axes * values[:, None]) @ axes.transpose(0, 2, 1)
 
 
-def _corners(means: Array, covariances: Array, floor: float) -> Array:
+def _corners(matter: _Matter, floor: float) -> Array:
     """Corners (C, 4, 3) [m] of this mean and covariance, no narrower than `floor` [m] along any principal axis."""
-    values, axes = np.linalg.eigh(covariances)
+    values, axes = np.linalg.eigh(matter.covariances)
     deviations = np.maximum(np.sqrt(np.maximum(values, 0.0)), floor / 2)
-    return means[:, None] + np.einsum("vk,ck,cik->cvi", _CORNERS, deviations, axes)
+    return matter.means[:, None] + np.einsum("vk,ck,cik->cvi", _CORNERS, deviations, axes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from gasp_core.contract import (
 from gasp_core.contract.capabilities import check_supported
 from gasp_core.contract.options import build_options
 from gasp_core.discovery.registry import discover
-from gasp_core.errors import SceneError
+from gasp_core.errors import RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import progress_for
@@ -32,6 +32,7 @@ from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body
+from gasp_core.reduction.cores import Levels
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
 from gasp_core.scene.selection import PlacedObject
@@ -114,10 +115,11 @@ def simulate(
     found = Recording.open(path) if resume and (path / "zarr.json").exists() else None
     if found is None:
         refuse_existing(path, overwrite)
+    known = {} if found is None else _cores_of(found)
     if code_of(scene):
         # Whoever's code it is, it is not imported for a scene that is refused for something else.
-        _check_supported(without_code(scene), chosen)
-    prepared = _check_supported(scene, chosen)
+        _check_supported(without_code(scene), chosen, known)
+    prepared = _check_supported(scene, chosen, known)
     wanted = scene.frame_count
     header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     with progress_for(progress, wanted) as shown:
@@ -146,9 +148,19 @@ def simulate(
     return Recording.open(path)
 
 
-def _check_supported(scene: Scene, chosen: ChosenEngine) -> Prepared:
+def _cores_of(found: Recording) -> dict[str, Levels]:
+    """The cores that a recording is of, by object."""
+    try:
+        bodies = found.bodies
+    except RecordingError:
+        # Refused with a word about how to go on, when all else has been looked at.
+        return {}
+    return {body.name: body.carrier for body in bodies if isinstance(body.carrier, Levels)}
+
+
+def _check_supported(scene: Scene, chosen: ChosenEngine, known: Mapping[str, Levels]) -> Prepared:
     """Read a scene and refuse what its engine does not declare."""
-    prepared = prepare(scene)
+    prepared = prepare(scene, known)
     check_supported(
         prepared.assembly.problem,
         chosen.descriptor,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.reduction.assembly import Assembly, assemble
+from gasp_core.reduction.cores import Levels
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import FrameSequence, PythonMotion
 from gasp_core.scene.objects import SplatObject
@@ -46,8 +48,15 @@ class Prepared:
     assembly: Assembly
 
 
-def prepare(scene: Scene) -> Prepared:
+def prepare(scene: Scene, known: Mapping[str, Levels] | None = None) -> Prepared:
     """Read, select and place the splats of a scene and make the engine's points of them.
+
+    Parameters
+    ----------
+    scene
+        Whose.
+    known
+        Cores of its objects, see `gasp_core.reduction.assembly.assemble`.
 
     Raises
     ------
@@ -68,7 +77,7 @@ def prepare(scene: Scene) -> Prepared:
     degrees = {placed.gaussians.sh_degree for placed in objects}
     if len(degrees) > 1:
         objects = [_raised(placed, max(degrees)) for placed in objects]
-    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects, motions))
+    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects, motions, known))
 
 
 def read_source(item: SplatObject) -> tuple[Gaussians, str]:

@@ -118,7 +118,10 @@ def test_a_run_of_it_is_gone_on_with(kept, run, tmp_path, version):
     recording = run(scenes.scene(version), path, resume=True)
     whole = run(scenes.scene(version), tmp_path / "whole.gasp")
     assert (recording.status, recording.frame_count) == ("complete", whole.frame_count)
-    assert recording.header.points_digest == whole.header.points_digest
+    # Cores are those of the recording; made anew they may end in another digit on another processor.
+    np.testing.assert_allclose(recording.start_points, whole.start_points, rtol=0, atol=1e-12)
+    if all(body.carrier.kind == "all" for body in recording.bodies):
+        assert recording.header.points_digest == whole.header.points_digest
     for frame in (FRAMES_KEPT, whole.frame_count - 1):
         for name in FIELDS:
             found, expected = (getattr(own.gaussians(frame), name) for own in (recording, whole))

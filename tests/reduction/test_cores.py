@@ -8,10 +8,11 @@ import pytest
 from gasp_core import Elastic, EngineAccuracy, MapChoice, Reduction, Scene, SplatObject
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
+from gasp_core.reduction.all_vertices import block_of
 from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
 from gasp_core.reduction.clusters import cluster
-from gasp_core.reduction.cores import Level, Levels
-from gasp_core.reduction.transfer import NEIGHBOURS, LeastSquares, OneFrame
+from gasp_core.reduction.cores import Level, Levels, sample_cores
+from gasp_core.reduction.transfer import NEIGHBOURS, Cores, LeastSquares, OneFrame
 from gasp_core.scene.selection import place_object
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
@@ -329,3 +330,55 @@ def test_rest_may_lie_in_memory_in_any_order():
     moved = np.random.default_rng(0).normal(size=(80, 3))
     expected = body.carrier.carry(body.block.rest, moved)
     assert np.array_equal(body.carrier.carry(np.asfortranarray(body.block.rest), moved), expected)
+
+
+@pytest.mark.parametrize("transfer", ["least-squares", "frame"])
+def test_known_cores_are_taken_where_they_are_of_these_gaussians(transfer):
+    block, reduction, made = sampled(transfer)
+    mirrored = with_points(made.carrier, lambda points: 2 * points.mean(axis=1, keepdims=True) - points)
+    found = sample_cores(block, reduction, 0.01, 0.1, mirrored)
+    assert found.carrier.levels == mirrored.levels
+    assert np.array_equal(found.positions, mirrored.levels[0].cores.points.reshape(-1, 3))
+    assert np.array_equal(found.volumes, made.volumes)
+    assert found.notes == made.notes
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda levels: with_points(levels, lambda points: points + (0.0, 0.0, 1e-6)),
+        lambda levels: with_points(levels, lambda points: points * (1.0, 1.0, 1.000001)),
+        lambda levels: with_labels(levels, lambda labels: np.roll(labels, 1)),
+        lambda levels: with_labels(levels, lambda labels: labels[:-1]),
+        lambda levels: with_labels(levels, lambda labels: np.where(labels == 3, 4, labels)),
+        lambda levels: Levels(levels=levels.levels[1:]),
+        lambda levels: Levels(levels=levels.levels[::-1]),
+        lambda levels: sampled("frame")[2].carrier,
+        lambda levels: sampled("least-squares", count=12)[2].carrier,
+    ],
+)
+def test_known_cores_that_are_of_other_gaussians_or_another_reduction_are_made_anew(change):
+    block, reduction, made = sampled("least-squares")
+    found = sample_cores(block, reduction, 0.01, 0.1, change(made.carrier))
+    assert np.array_equal(found.positions, made.positions)
+    assert np.array_equal(found.volumes, made.volumes)
+    for own, expected in zip(found.carrier.levels, made.carrier.levels, strict=True):
+        assert np.array_equal(own.transfer.labels, expected.transfer.labels)
+
+
+def sampled(transfer, count=10):
+    reduction = Reduction(mode="cores", count=count, levels=2, transfer=transfer)
+    block = block_of(ball(200), 4)
+    return block, reduction, sample_cores(block, reduction, 0.01, 0.1)
+
+
+def with_points(levels, change):
+    first, *others = levels.levels
+    changed = Level(cores=Cores(points=change(first.cores.points)), transfer=first.transfer)
+    return Levels(levels=(changed, *others))
+
+
+def with_labels(levels, change):
+    first, *others = levels.levels
+    transfer = dataclasses.replace(first.transfer, labels=change(first.transfer.labels))
+    return Levels(levels=(Level(cores=first.cores, transfer=transfer), *others))
