@@ -76,9 +76,9 @@ def most_gaussians(path: str | PathLike[str], held: int) -> int:
     SplatFormatError
         Where what the environment allows is no number.
     """
-    allowed, honest = _allowed(path), may_take(held)
+    allowed = _allowed(path)
     if allowed is None:
-        allowed = honest if honest <= _HARMLESS else min(honest, max(_HARMLESS, _available()))
+        allowed = min(may_take(held), max(_HARMLESS, _available()))
     return allowed // memory_of(1, 0)
 
 

@@ -45,7 +45,6 @@ class Commits:
 
     def __init__(self, store: Store) -> None:
         self._root = store.root
-        self._header = store.header
         self._store = store
         self._found: Found | None = None
 
@@ -77,10 +76,10 @@ class Commits:
         RecordingError
             Where it is missing or damaged; the message names its file.
         """
-        key = commit_key(frame)
+        key, store = commit_key(frame), self._store
         try:
-            attributes = read_attributes(self._root, key, self._store.plausible_rows, seal=bool(self._header.files))
-            return commit_of(attributes, frame, self._header)
+            attributes = read_attributes(self._root, key, store.plausible_rows, seal=bool(store.files))
+            return commit_of(attributes, frame, store.header)
         except FileNotFoundError:
             raise RecordingError(f"{self._root}: frame {frame} is lost: {key} is missing") from None
         except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:

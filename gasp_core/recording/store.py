@@ -40,7 +40,7 @@ _CARRIER = re.compile(
 _LONGEST_ROW = 512
 """Bytes that a file may hold for each Gaussian: fifteen harmonics of float64 are 384."""
 _SPARE = 64
-"""Bytes that packing may add to a chunk, and a share of it in `_longest`."""
+"""Packing may add one byte for so many of a chunk, and a kibibyte."""
 
 
 class Store:
@@ -276,16 +276,13 @@ class Store:
 
     def _node(self, name: str) -> ArrayNode:
         key = f"{name}/zarr.json"
-        return self._array_node(key, self._node_of(key))
+        return self._array_node(key, parsed(self.root, key, self._read(key, MOST_BYTES)))
 
     def _array_node(self, key: str, node: Mapping[str, Any]) -> ArrayNode:
         try:
             return ArrayNode.of(node)
         except ValueError as error:
             raise RecordingError(f"{self.root}: {key} is damaged: {error}") from None
-
-    def _node_of(self, key: str) -> dict[str, Any]:
-        return parsed(self.root, key, self._read(key, MOST_BYTES))
 
     def _read(self, key: str, most: int) -> bytes:
         """A file that was written once."""
@@ -303,14 +300,10 @@ class Store:
     def _chunk(self, name: str, place: tuple[int, ...], node: ArrayNode) -> bytes | None:
         """The content of a chunk's file; None where, before version 6, it is all zeros."""
         key = f"{name}/{chunk_key(place)}"
-        most = self._longest(node)
+        most = node.chunk_size + node.chunk_size // _SPARE + 1024
         if self._files or name.rpartition("/")[2] in _NEVER_ZERO or self._exists(key):
             return self._read(key, most)
         return None
-
-    def _longest(self, node: ArrayNode) -> int:
-        """Bytes that a chunk's file may have."""
-        return node.chunk_size + node.chunk_size // _SPARE + 1024
 
     def checked(self, key: str, check: FileCheck) -> bytes:
         """A file that is as the header, or a commit, says that it is.

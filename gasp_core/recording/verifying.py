@@ -74,7 +74,7 @@ def verify(path: str | Path) -> Verdict:
     try:
         _ = recording.frames_wanted
     except RecordingError as error:
-        damaged.append(_told(recording, error))
+        damaged.append(_told(recording.path, error))
     damaged += _faults_of_checkpoints(recording)
     strange = [*_strangers(recording)]
     damaged += [f"{key} is no file of a recording" for key, regular in strange if not regular]
@@ -151,13 +151,13 @@ def _faults_of_all(recording: Recording) -> Iterator[str]:
             raise
         except RecordingError as error:
             named = True
-            yield _told(recording, error)
+            yield _told(recording.path, error)
     for name in store.frame_names():
         try:
             store.frame_node(name)
         except RecordingError as error:
             named = True
-            yield _told(recording, error)
+            yield _told(recording.path, error)
     if "displacements" not in store.frame_names():
         yield "frames/displacements is missing"
     if not named:
@@ -167,7 +167,7 @@ def _faults_of_all(recording: Recording) -> Iterator[str]:
         except TooLargeError:
             raise
         except GaspError as error:
-            yield _told(recording, error)
+            yield _told(recording.path, error)
 
 
 def _faults_of_groups(recording: Recording) -> Iterator[str]:
@@ -177,7 +177,7 @@ def _faults_of_groups(recording: Recording) -> Iterator[str]:
         try:
             store.checked(key, store.files[key])
         except RecordingError as error:
-            yield _told(recording, error)
+            yield _told(recording.path, error)
 
 
 def _faults_of_frame(store: Store, frame: int, names: Sequence[str]) -> Iterator[RecordingError]:
@@ -203,7 +203,7 @@ def _faults_of_frame(store: Store, frame: int, names: Sequence[str]) -> Iterator
 
 
 def _told_of_frame(store: Store, frame: int, names: Sequence[str]) -> list[str]:
-    return [str(error).removeprefix(f"{store.root}: ") for error in _faults_of_frame(store, frame, names)]
+    return [_told(store.root, error) for error in _faults_of_frame(store, frame, names)]
 
 
 def _faults_of_checkpoints(recording: Recording) -> Iterator[str]:
@@ -213,7 +213,7 @@ def _faults_of_checkpoints(recording: Recording) -> Iterator[str]:
             try:
                 load_checkpoint(recording.path, int(name), sealed=bool(recording.header.files))
             except RecordingError as error:
-                yield _told(recording, error)
+                yield _told(recording.path, error)
 
 
 def _strangers(recording: Recording) -> Iterator[tuple[str, bool]]:
@@ -257,5 +257,5 @@ def _advice(anew: bool, ended: bool, lost: tuple[int, ...]) -> str:
     return "every frame can be read; gasp run --resume, with the scene it was made from, puts the rest right"
 
 
-def _told(recording: Recording, error: Exception) -> str:
-    return str(error).removeprefix(f"{recording.path}: ")
+def _told(root: Path, error: Exception) -> str:
+    return str(error).removeprefix(f"{root}: ")

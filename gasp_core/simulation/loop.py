@@ -135,8 +135,8 @@ class FrameLoop:
         if not abs(session.time - expected) <= _SAME_TIME / self._scene.frame_rate:
             kept = self._writer.path / "checkpoints" / f"{last:08d}"
             raise RecordingError(
-                f"{kept}: the engine's state is of {session.time!r} s, frame {last} of {expected!r} s: it is damaged,"
-                " of another run, or the engine does not keep its time; remove that folder and resume"
+                f"{kept}: the engine's state is of {float(session.time)!r} s, frame {last} of {expected!r} s: it is"
+                " damaged, of another run, or the engine does not keep its time; remove that folder and resume"
             )
 
     def _record(self, frame: int, session: EngineSession, report: StepReport, before: PointState) -> PointState:

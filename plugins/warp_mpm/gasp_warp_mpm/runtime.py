@@ -87,13 +87,13 @@ def device_for(device: str) -> Any:
 
 def load(module: Any, device: Any) -> None:
     """Compile a module of kernels for a device, or take it from Warp's cache on disk."""
-    with _quiet(), _headers_as_they_are() if device.is_cpu else contextlib.nullcontext():
+    with _quiet(), _without_precompiled_headers() if device.is_cpu else contextlib.nullcontext():
         warp.load_module(module, device=device)
 
 
 @contextlib.contextmanager
-def _headers_as_they_are() -> Iterator[None]:
-    """Have Warp's headers compiled with the kernels, not ahead of them into a folder that a killed process leaves.
+def _without_precompiled_headers() -> Iterator[None]:
+    """Have Warp compile its headers with the kernels, not ahead of them into a folder that a killed process leaves.
 
     They pay only from the second module on, and a run has one.
     """
