@@ -21,6 +21,18 @@ def no_flush(monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """Solids are kept for these tests alone, whatever the user's cache has; processes that they start see it too."""
+    before = os.environ.get("GASP_CACHE")
+    os.environ["GASP_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    yield
+    if before is None:
+        del os.environ["GASP_CACHE"]
+    else:
+        os.environ["GASP_CACHE"] = before
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     folder = Path(os.environ.get("GASP_DATA", HERE.parents[1] / "shared" / "data"))

@@ -1,15 +1,22 @@
-"""``gasp inspect``: what is in a splat file."""
+"""``gasp inspect``: what is in a splat file, and which body it stands for."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
 
+if TYPE_CHECKING:
+    from gasp_core.scene.placed_solid import PlacedSolid
+    from gasp_core.scene.selection import PlacedObject
+
 __all__ = ["inspect"]
+
+_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @click.command(
@@ -17,6 +24,8 @@ __all__ = ["inspect"]
 Examples:
   gasp inspect plant.splat
   gasp inspect bust.sog --json | jq .count
+  gasp inspect plant.splat --height 0.4            # where things are in a scene, e.g. for a pin
+  gasp inspect statue.sog --solid --height 0.4     # the body inside, and slices of it
 
 \b
 Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
@@ -24,17 +33,110 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @most_memory_option
+@click.option("--solid", is_flag=True, help="Find the body that the splat is the surface of, and draw slices of it.")
+@click.option("--slices", type=click.Path(path_type=Path), help="Where to. [default: NAME.solid.png]")
+@click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")
+@click.option("--up", type=click.Choice(_AXES), default="-y", show_default=True, help="The file's axis that is up.")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def inspect(file: Path, as_json: bool) -> None:
+def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, up: Any, as_json: bool) -> None:
     """Describe a splat file and say what is odd about it.
 
     Prints the number of Gaussians, the degree of the spherical harmonics, the extents, percentiles of scale, opacity
-    and flatness, and everything that may give trouble.
+    and flatness, and everything that may give trouble. With --height, where the object is in a scene that puts it at
+    position = [0, 0, 0], +z up. With --solid, the body that its Gaussians are the surface of: how large, of how many
+    parts, how sure that is, and slices of it in a picture.
     """
-    from gasp_core.io.inspect import inspect_splat
+    from gasp_core.io.detect import read
+    from gasp_core.io.inspect import summarise
 
-    summary = inspect_splat(file)
+    gaussians, kind = read(file)
+    summary = summarise(gaussians, path=str(file), kind=kind)
+    told, lines = summary.to_json(), [summary.to_text()]
+    if solid or height is not None or slices is not None:
+        from gasp_core.scene.objects import SplatObject
+        from gasp_core.scene.selection import place_object
+
+        item = SplatObject(
+            name=file.name,
+            splat=gaussians,
+            static=True,
+            up=up,
+            height=height,
+            position=None if height is None else (0, 0, 0),
+        )
+        placed = place_object(item, gaussians)
+        unit = "m" if height is not None else ""
+        if height is not None:
+            told["scene"], text = _in_scene(placed)
+            lines.append(text)
+        if solid or slices is not None:
+            body = placed.solid()
+            path = slices or Path(f"{file.stem or file.name}.solid.png")
+            told["solid"], text = _of_solid(body, unit)
+            lines.append(f"{text}\n    slices       {path}")
+            from gasp_core.rendering.solid_slices import draw_slices
+
+            draw_slices(path, body, placed.gaussians.means[~placed.floating], unit)
     if as_json:
-        print_json(summary.to_json())
+        print_json(told)
     else:
-        click.echo(summary.to_text())
+        click.echo("\n\n".join(lines))
+
+
+def _in_scene(placed: PlacedObject) -> tuple[dict[str, Any], str]:
+    """Box of what does not float, in metres."""
+    means = placed.gaussians.means[~placed.floating]
+    lower, upper = means.min(axis=0), means.max(axis=0)
+    rows = "\n".join(
+        f"    {name:<8}" + "".join(f"{value:>12.4g}" for value in row)
+        for name, row in (("lowest", lower), ("highest", upper))
+    )
+    text = (
+        "  in a scene, at position 0 0 0 [m], +z up\n"
+        + f"    {'':<8}"
+        + "".join(f"{axis:>12}" for axis in "xyz")
+        + f"\n{rows}"
+    )
+    return {"lowest": lower.tolist(), "highest": upper.tolist(), "scale": placed.placement.scale}, text
+
+
+def _of_solid(body: PlacedSolid, unit: str) -> tuple[dict[str, Any], str]:
+    """The solid's figures, for programs and for people."""
+    solid, doubts = body.solid, body.solid.doubts
+    volume, coarse = body.volume, doubts.coarse_volume * body.scale**3
+    area, thickness = float(solid.sheets.areas.sum()) * body.scale**2, solid.sheets.thickness * body.scale
+    properties = body.mass_properties()
+    parts = solid.parts()[1]
+    left_out = {name: getattr(doubts, name) for name in ("faint", "hazy", "far", "floating")}
+    told = {
+        "volume": volume,
+        "coarse_volume": coarse,
+        "undecided": doubts.undecided,
+        "parts": parts,
+        "sheets": {"area": area, "thickness": thickness},
+        "centre": properties.centre.tolist(),
+        "inertia": properties.inertia.tolist(),
+        "detail": body.detail,
+        "underside_closed": doubts.underside_closed,
+        "left_out": left_out,
+    }
+
+    def measured(value: float, power: int) -> str:
+        return f"{value:.4g} {unit}{'' if power == 1 else f'^{power}'}" if unit else f"{value:.4g}"
+
+    inside = "nothing: the Gaussians enclose no volume"
+    if volume > 0:
+        inside = (
+            f"{measured(volume, 3)} in {parts} part{'s' if parts > 1 else ''};"
+            f" {measured(coarse, 3)} ({100 * (coarse / volume - 1):+.1f} %) where details are half as large again"
+        )
+    rows = {
+        "inside": inside,
+        "thin": f"{measured(area, 2)} of sheets, taken to be {measured(thickness, 1)} thick" if area else "nothing",
+        "centre": " ".join(f"{value:.4g}" for value in properties.centre),
+        "detail": f"{measured(body.detail, 1)}: smaller things are not told apart",
+        "underside": "open in the splat, closed at the lowest layer" if doubts.underside_closed else "as in the splat",
+        "undecided": f"{100 * doubts.undecided:.1f} % of the inside is neither dark nor beside a surface",
+        "left out": ", ".join(f"{count:,} {name}" for name, count in left_out.items() if count) or "nothing",
+    }
+    return told, "\n".join(["  solid", *(f"    {name:<12} {text}" for name, text in rows.items())])

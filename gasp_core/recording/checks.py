@@ -27,6 +27,7 @@ _MOST_FRAMES = 10**8
 _CORNERS = 4
 """Of a simplex, at most; so many points can a Gaussian have."""
 _NEIGHBOURS = 8
+_WIDEST = 12
 _LONGEST_NAME = 1000
 _LONGEST_PATH = 200
 _ROUNDING = 1e-4
@@ -78,8 +79,10 @@ def _check_bodies(header: Header) -> None:
         _expect(body.first == last and _count(body.last) and body.last > body.first, "rows of the bodies have gaps")
         item = header.objects[body.item]
         most = _CORNERS * (item.last - item.first)
-        _expect(body.last - body.first <= most, "a body has more points than its Gaussians have corners")
         _expect(_name(body.carrier) and type(body.drifts) is bool, "a body has no carrier")
+        # What fills a body is as many as the grid asks for.
+        fits = body.carrier == "volume" or body.last - body.first <= most
+        _expect(fits, "a body has more points than its Gaussians have corners")
         _expect(body.motion is None or _fields(body.motion), "a motion is none")
         last, before = body.last, body.item
 
@@ -167,6 +170,9 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
         if body.drifts or any(name.startswith("gradients/") for name in arrays):
             _check_fit(arrays, "gradients", count, count)
         return
+    if body.carrier == "volume":
+        _check_points(arrays, points, count)
+        return
     number = 0
     carried: list[int] = []
     while f"levels/{number}/points" in arrays:
@@ -178,6 +184,34 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
     _expect(bool(carried) and _CORNERS * carried[0] == points, "its points are not the corners of its cores")
     for index, (cores, rows) in enumerate(zip(carried, [*carried[1:], count])):
         _check_fit(arrays, f"levels/{index}/transfer", rows, cores)
+
+
+def _check_points(arrays: Mapping[str, Array], points: int, rows: int) -> None:
+    """Of rows that follow material points."""
+    _shape(arrays, "points", (points, 3), "f")
+    _shape(arrays, "spacing", (1,), "f")
+    _expect(bool(arrays["spacing"][0] > 0), "its points have no spacing")
+    neighbours, labels = arrays["neighbours"], arrays["labels"]
+    for table, length, name in ((neighbours, points, "neighbours"), (labels, rows, "labels")):
+        columns = table.shape[1] if table.ndim == 2 else -1
+        _expect(0 <= columns <= _WIDEST and len(table) == length and table.dtype.kind == "i", f"{name} is no table")
+        _expect(_within(table, points), f"{name} names points that there are not")
+    _expect(labels.shape[1] >= 1, "labels is no table")
+    weights = _shape(arrays, "weights", labels.shape, "f")
+    sums = weights.sum(axis=1, dtype=np.float64)
+    shared = (np.abs(sums - 1) <= _ROUNDING) | (sums == 0)
+    _expect(bool(shared.all() and (weights >= 0).all()), "weights do not add up to one")
+    _expect(_within(_shape(arrays, "standing_for", (points,), "i"), rows), "standing_for names rows that there are not")
+    _check_order(arrays, "order", rows)
+
+
+def _check_order(arrays: Mapping[str, Array], name: str, rows: int) -> None:
+    """Every row once."""
+    order = _shape(arrays, name, (rows,), "i")
+    _expect(_within(order, rows), f"{name} names rows that there are not")
+    seen = np.zeros(rows, dtype=bool)
+    seen[order] = True
+    _expect(bool(seen.all()), f"{name} leaves rows out")
 
 
 def _check_fit(arrays: Mapping[str, Array], head: str, rows: int, cores: int) -> None:
@@ -202,11 +236,7 @@ def _check_fit(arrays: Mapping[str, Array], head: str, rows: int, cores: int) ->
     _expect(fallen.ndim == 1 and fallen.dtype.kind == "i" and len(fallen) <= rows, f"{head}/fallen is no list")
     _expect(_within(fallen, rows), f"{head}/fallen names rows that there are not")
     if f"{head}/order" in arrays:
-        order = _shape(arrays, f"{head}/order", (rows,), "i")
-        _expect(_within(order, rows), f"{head}/order names rows that there are not")
-        seen = np.zeros(rows, dtype=bool)
-        seen[order] = True
-        _expect(bool(seen.all()), f"{head}/order leaves rows out")
+        _check_order(arrays, f"{head}/order", rows)
 
 
 def _shape(arrays: Mapping[str, Array], name: str, shape: Sequence[int], kind: str) -> Array:

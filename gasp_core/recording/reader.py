@@ -27,6 +27,7 @@ from gasp_core.recording.store import Store
 from gasp_core.reduction.all_vertices import Block, Vertices, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.loading import read_stored_motion, read_stored_scene
@@ -237,13 +238,15 @@ class Recording:
         return PrescribedMotion.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
     def _carrier(self, index: int, count: int) -> TransferOperator:
-        kinds: dict[str, type[Vertices | Levels]] = {Vertices.kind: Vertices, Levels.kind: Levels}
+        kinds: dict[str, type[Vertices | Levels | PointFrames]] = {
+            kind.kind: kind for kind in (Vertices, Levels, PointFrames)
+        }
         entry = self.header.bodies[index]
         if entry.carrier not in kinds:
             raise RecordingError(
                 f'{self.path}: carries body {index} by "{entry.carrier}", this GASP knows no such: update GASP'
             )
-        arrays = self._store.carrier(index, count)
+        arrays = self._store.carrier(index, max(count, entry.last - entry.first))
         arrays.pop("unmoved", None)
         try:
             check_carrier(arrays, entry, count)

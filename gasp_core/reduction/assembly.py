@@ -17,7 +17,9 @@ from gasp_core.games import invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.cores import Levels, sample_cores
+from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
+from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.settings import MapChoice
@@ -109,7 +111,7 @@ def assemble(
     scene: Scene,
     objects: Sequence[PlacedObject],
     motions: Mapping[str, Played] | None = None,
-    known: Mapping[str, Levels] | None = None,
+    known: Mapping[str, TransferOperator] | None = None,
 ) -> Assembly:
     """Build the problem of a scene whose objects have been placed.
 
@@ -120,7 +122,8 @@ def assemble(
     motions
         Of those that move by themselves, by name.
     known
-        Cores of objects, by name, that are to be taken again where they can be, see `sample_cores`.
+        What carried objects before, by name, and is to be taken again where it can be, see `sample_cores` and
+        `sample_volume`.
 
     Raises
     ------
@@ -148,8 +151,8 @@ def assemble(
     for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
         carried = drift is not None and drift.played.choice.composition == "carried"
-        cores = (known or {}).get(placed.item.name)
-        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried, cores)
+        before = (known or {}).get(placed.item.name)
+        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried, before)
         points, volumes = sample.positions + block.centre, sample.volumes
         material = placed.item.material
         assert material is not None  # SplatObject refuses what moves and is made of nothing
@@ -196,7 +199,7 @@ def assemble(
 
 
 def _sample(
-    placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool, known: Levels | None
+    placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool, known: TransferOperator | None
 ) -> Sample:
     """The points of an object by the mode it asks for.
 
@@ -208,12 +211,15 @@ def _sample(
     reduction = placed.item.reduction
     if reduction.mode == "all":
         return sample_all(block, floor, spacing, drifts=drifts)
+    if reduction.mode == "volume":
+        frames = known if isinstance(known, PointFrames) else None
+        return sample_volume(block, reduction, placed.solid(), placed.item.region, spacing, placed.item.name, frames)
     if reduction.count is not None and reduction.count > len(block.local):
         raise SceneError(
             f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'
             ' Gaussians of it that move: ask for fewer, or for mode = "all"'
         )
-    return sample_cores(block, reduction, floor, spacing, known)
+    return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None)
 
 
 def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block]) -> float:

@@ -25,7 +25,7 @@ from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
 
-__all__ = ["Level", "Levels", "sample_cores"]
+__all__ = ["Level", "Levels", "Matter", "corners_of", "sample_cores"]
 
 Array = NDArray[Any]
 
@@ -134,18 +134,18 @@ class Levels:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Matter:
+class Matter:
     """What clusters are of, and they themselves: volumes (N,), means (N, 3) and covariances (N, 3, 3)."""
 
     volumes: Array
     means: Array
     covariances: Array
 
-    def clustered(self, labels: Array) -> _Matter:
+    def clustered(self, labels: Array) -> Matter:
         """Of the clusters."""
         volumes, means, between = scatter(self.means, labels, self.volumes)
         within = _averages(self.covariances, labels, self.volumes)
-        return _Matter(volumes=volumes, means=means, covariances=between + within)
+        return Matter(volumes=volumes, means=means, covariances=between + within)
 
 
 def sample_cores(
@@ -179,7 +179,7 @@ def sample_cores(
     shares = cell_volumes(corners + block.centre, spacing)
     cells = round(float(shares.sum()) / spacing**3)
     volumes, means, covariances = scatter(corners, np.repeat(np.arange(count), vertices), shares)
-    whole = _Matter(volumes=volumes, means=means, covariances=covariances)
+    whole = Matter(volumes=volumes, means=means, covariances=covariances)
     matter = None if known is None else _matter_of(known.levels, whole, reduction, floor)
     if known is None or matter is None:
         levels, matter = _made(whole, block.local.means.astype(np.float64), reduction, floor)
@@ -194,14 +194,14 @@ def sample_cores(
     )
 
 
-def _made(matter: _Matter, places: Array, reduction: Reduction, floor: float) -> tuple[tuple[Level, ...], _Matter]:
+def _made(matter: Matter, places: Array, reduction: Reduction, floor: float) -> tuple[tuple[Level, ...], Matter]:
     """Levels of cores of matter whose Gaussians are at (N, 3) [m], and what the engine's are of."""
     count = len(places)
     levels: list[Level] = []
     for number in _counts(count, reduction.cores_of(count), reduction.levels or 1):
         labels = cluster(places, number)
         matter = matter.clustered(labels)
-        cores = Cores(points=_corners(matter, floor))
+        cores = Cores(points=corners_of(matter, floor))
         if reduction.transfer == "frame":
             transfer: Transfer = OneFrame(labels=labels)
         else:
@@ -211,7 +211,7 @@ def _made(matter: _Matter, places: Array, reduction: Reduction, floor: float) ->
     return tuple(levels), matter
 
 
-def _matter_of(levels: Sequence[Level], matter: _Matter, reduction: Reduction, floor: float) -> _Matter | None:
+def _matter_of(levels: Sequence[Level], matter: Matter, reduction: Reduction, floor: float) -> Matter | None:
     """What the engine's cores of these levels are of; None where they are none that this reduction makes of it.
 
     That asks nothing about roundings: the corners of a cluster may be turned, its mean and covariance are what they
@@ -229,7 +229,7 @@ def _matter_of(levels: Sequence[Level], matter: _Matter, reduction: Reduction, f
         if not fits or not np.bincount(labels, minlength=len(cores)).all():
             return None
         matter = matter.clustered(labels)
-        expected = Cores(points=_corners(matter, floor))
+        expected = Cores(points=corners_of(matter, floor))
         widths = np.sqrt(np.trace(expected.moments, axis1=1, axis2=2))
         near = (np.abs(cores.centres - expected.centres) <= _ROUNDING * size).all()
         alike = (np.abs(cores.moments - expected.moments) <= _ROUNDING * size * widths[:, None, None]).all()
@@ -270,7 +270,7 @@ def _spread(axes: Array, values: Array) -> Array:
     return (axes * values[:, None]) @ axes.transpose(0, 2, 1)
 
 
-def _corners(matter: _Matter, floor: float) -> Array:
+def corners_of(matter: Matter, floor: float) -> Array:
     """Corners (C, 4, 3) [m] of this mean and covariance, no narrower than `floor` [m] along any principal axis."""
     values, axes = np.linalg.eigh(matter.covariances)
     deviations = np.maximum(np.sqrt(np.maximum(values, 0.0)), floor / 2)

@@ -43,7 +43,8 @@ class Reduction:
     ----------
     mode
         "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
-        clusters of the object's own.
+        clusters of the object's own. "volume": points that fill the body that the Gaussians are the surface of, eight
+        a cell.
     fraction, count
         Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
     levels
@@ -51,6 +52,8 @@ class Reduction:
     transfer
         "least-squares": a Gaussian follows an affine fit to the cores around it; "frame": the frame of its own core, as
         in the paper. None with "cores": "least-squares".
+    points
+        "regular": on a lattice; "jittered": off it by up to a quarter of their distance. None with "volume": "regular".
 
     Raises
     ------
@@ -63,16 +66,20 @@ class Reduction:
     count: int | None = None
     levels: int | None = None
     transfer: Literal["least-squares", "frame"] | None = None
+    points: Literal["regular", "jittered"] | None = None
 
     def __post_init__(self) -> None:
+        own = {"all": (), "volume": ("points",), "cores": ("fraction", "count", "levels", "transfer")}
+        if self.mode not in own:
+            raise SceneError(f'Reduction.mode must be "all", "cores" or "volume", found {self.mode!r}')
+        for name in ("fraction", "count", "levels", "transfer", "points"):
+            if name not in own[self.mode] and getattr(self, name) is not None:
+                raise SceneError(f'Reduction.{name} has no meaning with mode = "{self.mode}": leave it out')
         if self.mode == "volume":
-            raise SceneError('Reduction.mode "volume" comes later: use "all" or "cores"')
-        if self.mode not in ("all", "cores"):
-            raise SceneError(f'Reduction.mode must be "all" or "cores", found {self.mode!r}')
-        if self.mode == "all":
-            for name in ("fraction", "count", "levels", "transfer"):
-                if getattr(self, name) is not None:
-                    raise SceneError(f'Reduction.{name} has no meaning with mode = "all": leave it out')
+            object.__setattr__(self, "points", self.points or "regular")
+            if self.points not in ("regular", "jittered"):
+                raise SceneError(f'Reduction.points must be "regular" or "jittered", found {self.points!r}')
+        if self.mode != "cores":
             return
         if (self.fraction is None) == (self.count is None):
             raise SceneError('Reduction.mode "cores" wants a fraction or a count: give one of them')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,8 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.floaters import floating
 from gasp_core.scene.objects import Floaters, SplatObject
-from gasp_core.scene.placement import Placement, place, placement_of
+from gasp_core.scene.placed_solid import FEW, PlacedSolid, solid_behind
+from gasp_core.scene.placement import Placement, place, placement_of, up_axis
 
 __all__ = ["PlacedObject", "SetAside", "bounded_by_region", "place_object", "settle"]
 
@@ -105,6 +107,10 @@ class PlacedObject:
     placement: Placement
     set_aside: SetAside
 
+    def solid(self) -> PlacedSolid:
+        """The body that all of it that does not float is the surface of, in the world."""
+        return solid_behind(self.gaussians.select(~self.floating), self.placement, up_axis(self.item))
+
 
 def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     """Select and place the Gaussians of an object: `settle`, then `bounded_by_region`."""
@@ -157,14 +163,32 @@ def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
         outside_region=0,
         first_non_finite=tuple(int(row) for row in np.flatnonzero(~finite)[:5]),
     )
-    return PlacedObject(
-        item=item,
-        gaussians=placed,
-        moving=moving,
-        floating=floats,
-        rows=rows,
-        placement=placement,
-        set_aside=set_aside,
+    return _standing(
+        PlacedObject(
+            item=item,
+            gaussians=placed,
+            moving=moving,
+            floating=floats,
+            rows=rows,
+            placement=placement,
+            set_aside=set_aside,
+        )
+    )
+
+
+def _standing(placed: PlacedObject) -> PlacedObject:
+    """The object with its solid, and not its outermost Gaussian, at the height of its position."""
+    item = placed.item
+    if item.position is None or len(placed.gaussians) <= FEW:
+        return placed
+    lowest = placed.solid().lowest()
+    if not math.isfinite(lowest):
+        return placed
+    shift = np.array([0.0, 0.0, item.position[2] - lowest])
+    return dataclasses.replace(
+        placed,
+        gaussians=placed.gaussians.with_(means=placed.gaussians.means + shift),
+        placement=dataclasses.replace(placed.placement, translation=placed.placement.translation + shift),
     )
 
 

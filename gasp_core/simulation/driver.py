@@ -32,7 +32,7 @@ from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly, Body
-from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
 from gasp_core.scene.selection import PlacedObject
@@ -115,7 +115,7 @@ def simulate(
     found = Recording.open(path) if resume and (path / "zarr.json").exists() else None
     if found is None:
         refuse_existing(path, overwrite)
-    known = {} if found is None else _cores_of(found)
+    known = {} if found is None else _carriers_of(found)
     if code_of(scene):
         # Whoever's code it is, it is not imported for a scene that is refused for something else.
         _check_supported(without_code(scene), chosen, known)
@@ -148,17 +148,17 @@ def simulate(
     return Recording.open(path)
 
 
-def _cores_of(found: Recording) -> dict[str, Levels]:
-    """The cores that a recording is of, by object."""
+def _carriers_of(found: Recording) -> dict[str, TransferOperator]:
+    """What carries the bodies of a recording, by object."""
     try:
         bodies = found.bodies
     except RecordingError:
         # Refused with a word about how to go on, when all else has been looked at.
         return {}
-    return {body.name: body.carrier for body in bodies if isinstance(body.carrier, Levels)}
+    return {body.name: body.carrier for body in bodies}
 
 
-def _check_supported(scene: Scene, chosen: ChosenEngine, known: Mapping[str, Levels]) -> Prepared:
+def _check_supported(scene: Scene, chosen: ChosenEngine, known: Mapping[str, TransferOperator]) -> Prepared:
     """Read a scene and refuse what its engine does not declare."""
     prepared = prepare(scene, known)
     check_supported(

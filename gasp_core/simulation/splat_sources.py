@@ -17,7 +17,7 @@ from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.reduction.assembly import Assembly, assemble
-from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import FrameSequence, PythonMotion
 from gasp_core.scene.objects import SplatObject
@@ -48,7 +48,7 @@ class Prepared:
     assembly: Assembly
 
 
-def prepare(scene: Scene, known: Mapping[str, Levels] | None = None) -> Prepared:
+def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -> Prepared:
     """Read, select and place the splats of a scene and make the engine's points of them.
 
     Parameters
@@ -56,7 +56,7 @@ def prepare(scene: Scene, known: Mapping[str, Levels] | None = None) -> Prepared
     scene
         Whose.
     known
-        Cores of its objects, see `gasp_core.reduction.assembly.assemble`.
+        What carried its objects before, see `gasp_core.reduction.assembly.assemble`.
 
     Raises
     ------

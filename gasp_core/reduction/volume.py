@@ -1,0 +1,251 @@
+"""The reduction `volume`: material points that fill the solid behind a splat, at the engine's own spacing.
+
+Two along each side of a cell, as the engines' own scenes have them; those that the surface cuts have the part of their
+volume that is inside, at its middle. Thin matter (`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a
+piece, of its mass, mean and covariance, as cores are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import Shape
+from gasp_core.errors import SceneError
+from gasp_core.reduction.all_vertices import Block
+from gasp_core.reduction.clusters import scatter
+from gasp_core.reduction.cores import Matter, corners_of
+from gasp_core.reduction.point_frames import PointFrames
+from gasp_core.reduction.transfer_operator import Sample, bounds_of
+from gasp_core.scene.objects import Reduction
+from gasp_core.scene.placed_solid import PlacedSolid
+
+__all__ = ["Filling", "fill", "sample_volume"]
+
+Array = NDArray[Any]
+
+_PER_CELL = 2
+"""Points along each side of a cell."""
+_LEAST = 0.02
+"""Share of a point's volume below which it is none: it would weigh nothing and be moved all the same."""
+_SHEET = 0.75
+"""Side, in cells, of the cubes whose pieces of a sheet are one."""
+_JITTER = 0.25
+"""In distances of points, to either side."""
+_ROUNDING = 1e-3
+"""Distances of points by which one may be off and still be the same: distances in a solid are single precision, and a
+detail is hundreds of steps of an iteration."""
+_SAMPLES = np.array(list(itertools.product((-0.25, 0.25), repeat=3)))
+_AT_ONCE = 2**21
+_FOOT = 0.75
+"""Distances of points below the surface at which a Gaussian outside looks for the matter that it follows: four are
+around it there, above and below."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filling:
+    """Material points of a solid.
+
+    Parameters
+    ----------
+    positions : (P, 3) [m]
+    volumes : (P,) [m^3]
+    sheet
+        How many of them, the last ones, are of sheets.
+    """
+
+    positions: Array
+    volumes: Array
+    sheet: int
+
+
+def fill(solid: PlacedSolid, spacing: float, *, jittered: bool = False, seed: int = 0) -> Filling:
+    """Points in a solid, for an engine of this spacing [m].
+
+    `jittered`: not on a lattice but up to a quarter of their distance off it; those that the surface cuts stay.
+    """
+    step = spacing / _PER_CELL
+    positions, shares = _lattice(solid, step)
+    if jittered:
+        shift = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, positions.shape) * step
+        positions = positions + shift * (shares == 1.0)[:, None]
+    sheet_positions, sheet_volumes = _sheets(solid, spacing)
+    return Filling(
+        positions=np.concatenate([positions, sheet_positions]),
+        volumes=np.concatenate([shares * step**3, sheet_volumes]),
+        sheet=len(sheet_positions),
+    )
+
+
+def sample_volume(
+    block: Block,
+    reduction: Reduction,
+    solid: PlacedSolid,
+    region: Shape | None,
+    spacing: float,
+    name: str,
+    known: PointFrames | None = None,
+) -> Sample:
+    """Points that fill the solid behind a body.
+
+    Parameters
+    ----------
+    block
+        Its simplices.
+    reduction
+        Whether the points are jittered.
+    solid
+        In the world.
+    region
+        Only what is inside is simulated; None: all.
+    spacing
+        Of the engine [m].
+    name
+        Of the object, for messages.
+    known
+        Points that were made of such a body before, on whatever machine, and are to be these where they can be: each
+        processor rounds in its own way.
+
+    Raises
+    ------
+    SceneError
+        Where there is nothing to fill.
+    """
+    filling = fill(solid, spacing, jittered=reduction.points == "jittered")
+    positions, volumes = filling.positions, filling.volumes
+    if region is not None:
+        inside = region.signed_distance(positions) <= 0
+        positions, volumes = positions[inside], volumes[inside]
+    if not len(positions):
+        where = " in its region" if region is not None and len(filling.positions) else ""
+        raise SceneError(
+            f'object "{name}": there is nothing to fill{where}: its Gaussians enclose no volume and are no sheets,'
+            ' as faint or lone ones are; say reduction = { mode = "all" }'
+        )
+    step = spacing / _PER_CELL
+    carrier = known
+    if known is None or not _same(known, positions - block.centre, len(block.local), step):
+        distances, nearest = PointFrames.candidates(positions)
+        carrier = PointFrames.build(
+            positions - block.centre,
+            step,
+            block.local.means.astype(np.float64),
+            _feet(solid, block.local.means + block.centre, positions, step) - block.centre,
+            _open_between(solid, positions, distances, nearest, step),
+        )
+    assert carrier is not None
+    return Sample(
+        positions=carrier.points,
+        volumes=volumes,
+        carrier=carrier,
+        bounds=bounds_of(carrier.points),
+        notes=_notes(solid, filling, carrier, float(volumes.sum())),
+    )
+
+
+def _same(known: PointFrames, points: Array, gaussians: int, step: float) -> bool:
+    """Whether points that are known are these (P, 3), but for roundings."""
+    return (
+        known.points.shape == points.shape
+        and len(known.order) == gaussians
+        and bool((np.abs(known.points - points) <= _ROUNDING * step).all())
+    )
+
+
+def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
+    """Points (P, 3) of a lattice that are inside, moved into the middle of what is, and their shares (P,), to 1."""
+    nodes = solid.nodes_inside()
+    if not len(nodes):
+        return np.zeros((0, 3)), np.zeros(0)
+    lower, upper = nodes.min(axis=0) - 2 * solid.spacing, nodes.max(axis=0) + 2 * solid.spacing
+    counts = np.ceil((upper - lower) / step).astype(int)
+    first = (lower + upper) / 2 - step * (counts - 1) / 2
+    found: list[Array] = []
+    slab = max(1, _AT_ONCE // int(counts[1] * counts[2]))
+    for begin in range(0, int(counts[0]), slab):
+        axes = [first[0] + step * np.arange(begin, min(begin + slab, int(counts[0])))]
+        axes += [first[axis] + step * np.arange(int(counts[axis])) for axis in (1, 2)]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        # The far corner of a cube is half its diagonal off.
+        found.append(points[solid.distance_at(points) < 0.87 * step])
+    points = np.concatenate(found)
+    shares = np.ones(len(points))
+    cut = np.flatnonzero(solid.distance_at(points) > -0.87 * step)
+    inside = np.stack(
+        [np.clip(0.5 - solid.distance_at(points[cut] + step * corner) / (0.5 * step), 0.0, 1.0) for corner in _SAMPLES],
+        axis=1,
+    )
+    shares[cut] = inside.mean(axis=1)
+    points[cut] += step * (inside @ _SAMPLES) / np.maximum(inside.sum(axis=1, keepdims=True), _LEAST)
+    kept = shares > _LEAST
+    return points[kept], shares[kept]
+
+
+def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
+    """Corners (P, 3) [m] of tetrahedra that sheets are, and their volumes (P,) [m^3]."""
+    sheets = solid.solid.sheets
+    if not len(sheets.areas):
+        return np.zeros((0, 3)), np.zeros(0)
+    positions = solid.to_world(sheets.positions)
+    cubes = np.floor(positions / (_SHEET * spacing)).astype(np.int64)
+    _, labels = np.unique(cubes, axis=0, return_inverse=True)
+    weights = sheets.volumes * solid.scale**3
+    volumes, means, covariances = scatter(positions, labels.reshape(-1), weights)
+    thickness = sheets.thickness * solid.scale
+    # Twice the standard deviation of a layer, at least, along every axis.
+    corners = corners_of(Matter(volumes=volumes, means=means, covariances=covariances), thickness / np.sqrt(3.0))
+    return corners.reshape(-1, 3), np.repeat(volumes / 4, 4)
+
+
+def _feet(solid: PlacedSolid, means: Array, positions: Array, step: float) -> Array:
+    """Where in the body the matter is that each Gaussian (N, 3) follows, (N, 3) [m].
+
+    One that is nearer to a point than to the solid follows what is there: it is of a sheet. The others, outside the
+    solid, follow what is below the surface at their feet.
+    """
+    from scipy.spatial import KDTree
+
+    from gasp_core.stepping.threads import processors
+
+    distances = solid.distance_at(means)
+    tree: Any = KDTree(positions)
+    to_points = tree.query(means, workers=processors())[0]
+    below = np.flatnonzero((distances > -_FOOT * step) & (to_points > np.maximum(distances, 0.0)))
+    feet = means.copy()
+    # Twice: the gradient is that of the surface near its foot.
+    for _ in range(2):
+        slopes = solid.gradient_at(feet[below])
+        deeper = solid.distance_at(feet[below]) + _FOOT * step
+        feet[below] -= deeper[:, None] * slopes
+    return feet
+
+
+def _open_between(solid: PlacedSolid, positions: Array, distances: Array, nearest: Array, step: float) -> Array:
+    """Whether there is air half way between each point and its candidates (P, C): a gap that was open at rest."""
+    found = np.zeros(distances.shape, dtype=bool)
+    inside = solid.distance_at(positions) < 0.5 * step
+    for column in range(distances.shape[1]):
+        both = np.flatnonzero(inside & inside[nearest[:, column]] & (distances[:, column] > 0.5 * step))
+        middles = (positions[both] + positions[nearest[both, column]]) / 2
+        found[both, column] = solid.distance_at(middles) > 0.5 * step
+    return found
+
+
+def _notes(solid: PlacedSolid, filling: Filling, carrier: PointFrames, volume: float) -> tuple[str, ...]:
+    """What stands for what, and how sure that is."""
+    doubts = solid.solid.doubts
+    thin = f", {filling.sheet:,} of them of thin matter" if filling.sheet else ""
+    found = [
+        f"{len(carrier.points):,} points fill {1e3 * volume:.3g} l{thin} and carry {len(carrier.order):,} Gaussians"
+    ]
+    off = abs(doubts.coarse_volume / solid.solid.volume - 1) if solid.solid.volume else 0.0
+    if off > 0.1:
+        found.append(f"its volume is uncertain by some {100 * off:.0f} %: look at its slices, gasp inspect --solid")
+    far = int((carrier.weights[:, 0] == 0).sum())
+    if far:
+        found.append(f"{far:,} Gaussians far off its matter move with the nearest of it and do not turn")
+    return tuple(found)

@@ -1,0 +1,284 @@
+"""Gaussians -> `Solid`: what light tells, which way surfels face, and the body between them.
+
+A splat is a noisy, often open shell. Light from all sides tells which places are surely air, which are surely dark, and
+on which side of each surfel the air is; the indicator of the body is the field whose gradient is the surfels' normals
+and that agrees with both (`gasp_core.solid.indicator`); its level is that of the surfels themselves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.gaussians import Gaussians
+from gasp_core.solid.distance import signed_distance
+from gasp_core.solid.grid import Grid, interpolated
+from gasp_core.solid.indicator import indicator
+from gasp_core.solid.light import Light, light_through
+from gasp_core.solid.morphology import dilated, highest_near, large_parts
+from gasp_core.solid.options import SolidOptions
+from gasp_core.solid.sheets import sheets_outside
+from gasp_core.solid.solid import Doubts, Sheets, Solid
+from gasp_core.solid.splatting import summed_gaussians
+from gasp_core.solid.surfels import (
+    OPAQUE,
+    LeftOut,
+    Surfels,
+    counted_once,
+    depth_of,
+    detail_of,
+    extent_of,
+    lowest_layer,
+    surfels_of,
+)
+
+__all__ = ["solid_of"]
+
+Array = NDArray[Any]
+
+_MARGIN = 4
+"""Layers of nodes around the Gaussians."""
+_DARK = 0.03
+"""Share of the sky below which a place is dark: one of 98 directions may find a pinhole."""
+_WITHIN = 2
+"""Details of darkness on all sides that make a place surely dark."""
+_FREE_LINES = (0.02, 0.06)
+"""Share of free lines at which a place begins to be air and at which it surely is: one line of 49, and three."""
+_AIR, _OPEN_AIR, _INSIDE = 0.3, 0.03, 0.05
+"""Weights in the indicator, per detail squared, of free lines, of much sky, and of darkness. The first reaches 1.8
+details far. The others are weak: where a hole lets light in, the surface around it has the say."""
+_SOFT = 0.2
+"""Between the share of the sky of `SolidOptions.holes` and the one at which a place is taken for air wholly."""
+_KERNEL = 0.5
+"""Standard deviation in details by which surfels are smoothed."""
+_OUTWARD = (0.75, 1.5, 2.5)
+"""Steps in details, towards the light, at which a surfel in the fuzz of a wall looks again. With 2.25 at most a thin
+box of noisy surfels is 1.3 % too large, with 3 statues end below what one sees of them."""
+_FACING = 0.2
+"""Share of the sky seen from before a surfel that makes it a surface: in front of a wall it is half."""
+_BEHIND = 1.5
+"""Details behind a surfel at which one looks for light: it is a sheet where there is some, and no surface of a body."""
+_LIT_BEHIND = (0.1, 0.3)
+"""Share of the sky that is seen there, from which on it begins to be a sheet, and is one."""
+_FULL = 0.7
+"""Of the indicator, which is one inside: behind the surface of a body it comes up to this within two details."""
+_FRINGE = 0.2
+"""Of the same: surfels farther out are fuzz. With them a noisy thin box is 1.9 % too large, rather than .5."""
+_SMALL = 0.005
+"""Of the largest part: what is smaller is no part of the body."""
+_FLOATING = 0.02
+"""The same of opaque cells, before there is a body."""
+_LID = 0.5
+"""Share of the dark cells in a low layer that only light from below comes to, from which on the underside is open; and
+how much of what is dark from above they must be beneath."""
+_FOOT = 0.1
+_COARSER = 1.5
+"""By how much the second resolution is coarser that tells how far the volume may be off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Evidence:
+    """What is known before there is a body, on a grid whose spacing is the detail.
+
+    `amplified` is the optical depth that light was weakened by; `ground` the height at which the body is cut off, None
+    where its underside is as the surfels have it.
+    """
+
+    surfels: Surfels
+    grid: Grid
+    depth: Array
+    amplified: Array
+    light: Light
+    ground: float | None
+
+
+def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid:
+    """The body that finite Gaussians are the surface of.
+
+    Parameters
+    ----------
+    gaussians
+        Of one object, +z up, in any unit; see `gasp_core.solid` for what is taken for what.
+    options
+        How it is told from the air.
+
+    Returns
+    -------
+    Solid
+        In the frame and unit of the Gaussians; without any volume where they enclose none.
+    """
+    options = options or SolidOptions()
+    surfels, left_out = surfels_of(gaussians)
+    if not len(surfels):
+        return _nothing(len(gaussians), left_out)
+    detail = detail_of(surfels)
+    spacing = detail if options.cells is None else float(extent_of(surfels).max()) / options.cells
+    solid, floating = _built(surfels, detail, spacing, options)
+    underside = "closed" if solid.doubts.underside_closed else "open"
+    likewise = dataclasses.replace(options, underside=underside)
+    coarse, _ = _built(surfels, _COARSER * detail, max(_COARSER * detail, spacing), likewise)
+    doubts = dataclasses.replace(
+        solid.doubts,
+        coarse_volume=coarse.volume,
+        gaussians=len(gaussians),
+        faint=left_out.faint,
+        hazy=left_out.hazy,
+        far=left_out.far,
+        floating=floating,
+    )
+    return dataclasses.replace(solid, doubts=doubts)
+
+
+def _nothing(gaussians: int, left_out: LeftOut) -> Solid:
+    grid = Grid(origin=np.zeros(3), spacing=1.0, shape=(2, 2, 2))
+    return Solid(
+        grid=grid,
+        distance=np.full(grid.shape, 4.0, dtype=np.float32),
+        detail=1.0,
+        sheets=Sheets.none(),
+        doubts=Doubts(gaussians=gaussians, faint=left_out.faint, hazy=left_out.hazy, far=left_out.far),
+    )
+
+
+def _built(surfels: Surfels, detail: float, spacing: float, options: SolidOptions) -> tuple[Solid, int]:
+    """The solid at one size of details, and how many surfels floated."""
+    known = _evidence(surfels, detail, spacing, options)
+    normals, weights = _oriented(known)
+    grid = _body_grid(known, spacing)
+    inside, undecided = _body(known, grid, normals, weights, options)
+    if known.ground is not None:
+        grid = grid.above(-_MARGIN)
+        inside = np.concatenate([np.repeat(inside[:, :, :1], _MARGIN, axis=2), inside], axis=2)
+        inside = np.minimum(inside, grid.heights() - known.ground)
+    distance = signed_distance(inside, spacing)
+    solid = Solid(
+        grid=grid,
+        distance=distance.astype(np.float32),
+        detail=detail,
+        sheets=Sheets.none(),
+        doubts=Doubts(undecided=undecided, underside_closed=known.ground is not None),
+    )
+    sheets = sheets_outside(solid, known.surfels, known.depth, known.grid)
+    if known.ground is not None:
+        sheets = sheets.above(known.ground)
+    return dataclasses.replace(solid, sheets=sheets), len(surfels) - len(known.surfels)
+
+
+def _evidence(surfels: Surfels, detail: float, spacing: float, options: SolidOptions) -> _Evidence:
+    """Light, and whether the underside is open."""
+    ground = lowest_layer(surfels, detail)
+    margin = _MARGIN * max(detail, spacing)
+    lower, upper = surfels.means.min(axis=0) - margin, surfels.means.max(axis=0) + margin
+    grid = Grid.around(lower, upper, detail, ground)
+    depth = depth_of(surfels, grid)
+    together = large_parts(depth > OPAQUE, _FLOATING)
+    near = dilated(together, 2)
+    kept = near[tuple(np.rint(grid.places(surfels.means)).astype(int).T)]
+    if kept.any():
+        surfels, depth = surfels.select(kept), np.where(near, depth, 0.0)
+    row = round((ground + detail / 2 - grid.origin[2]) / detail)
+    amplified = options.opacity_gain * depth
+    above = amplified[:, :, row:]
+    from_above = light_through(above, ground=True)
+    closed = options.underside == "closed"
+    if options.underside == "auto":
+        # What hangs or floats below the ground must not shade what is above it.
+        closed = _opens_below(light_through(above, ground=False), from_above, above)
+    light = from_above.over_ground(row) if closed else light_through(amplified, ground=False)
+    return _Evidence(
+        surfels=surfels,
+        grid=grid,
+        depth=depth,
+        amplified=amplified,
+        light=light,
+        ground=ground if closed else None,
+    )
+
+
+def _opens_below(all_round: Light, from_above: Light, amplified: Array) -> bool:
+    """Whether what is dark from above is lit from all round, in one of the lowest layers."""
+    dark = (from_above.share < _DARK) & (amplified < 0.3)
+    opened = dark & (all_round.share > 0.1)
+    beneath = max(int((from_above.share < _DARK).any(axis=2).sum()), 1)
+    for layer in range(min(4, dark.shape[2])):
+        area = int(opened[:, :, layer].sum())
+        if area > _FOOT * beneath and area > _LID * int(dark[:, :, layer].sum()):
+            return True
+    return False
+
+
+def _oriented(known: _Evidence) -> tuple[Array, Array]:
+    """Outward unit normals (N, 3) of the surfels, and their areas (N,) as far as they are surfaces."""
+    surfels, spacing = known.surfels, known.grid.spacing
+    places = known.grid.places(surfels.means)
+    flow = interpolated([*known.light.flow], places)
+    for step in _OUTWARD:
+        onward = interpolated([*known.light.flow], places + step * _unit(flow))
+        brighter = np.einsum("ni,ni->n", onward, onward) > np.einsum("ni,ni->n", flow, flow)
+        flow = np.where(brighter[:, None], onward, flow)
+    # Flat ones face along their thin axis, round ones the light.
+    rounder = 0.1 * surfels.variances[:, 1] + (0.02 * spacing) ** 2
+    normals = _unit(np.linalg.solve(surfels.covariances + rounder[:, None, None] * np.eye(3), flow[:, :, None])[..., 0])
+    before = np.max([interpolated([known.light.share], places + step * normals)[:, 0] for step in _OUTWARD], axis=0)
+    behind = interpolated([known.light.share], places - _BEHIND * normals)[:, 0]
+    facing = np.minimum(before / _FACING, 1.0) ** 4
+    return normals, surfels.areas * facing * (1 - _rising(behind, *_LIT_BEHIND))
+
+
+def _body_grid(known: _Evidence, spacing: float) -> Grid:
+    """Nodes for the body: those of the light where they are as far apart, and above the ground only."""
+    grid = known.grid
+    level = grid.origin[2] - grid.spacing / 2 if known.ground is None else known.ground
+    if spacing != grid.spacing:
+        upper = grid.origin + grid.spacing * (np.array(grid.shape) - 1)
+        grid = Grid.around(grid.origin, upper, spacing, level)
+    row = 0 if known.ground is None else round((level + spacing / 2 - grid.origin[2]) / spacing)
+    return grid.above(row)
+
+
+def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options: SolidOptions) -> tuple[Array, float]:
+    """A field (X, Y, Z) above zero inside, and which share of what is inside nothing has decided."""
+    detail, spacing = known.grid.spacing, grid.spacing
+    share, lines, amplified = (
+        known.grid.resampled(field, grid) for field in (known.light.share, known.light.lines, known.amplified)
+    )
+    brightest = known.grid.resampled(highest_near(known.light.share, _WITHIN), grid)
+    weight = (spacing / detail) ** 2
+    holes = max(options.holes, 0.5) if options.interior == "filled" else options.holes
+    much_sky = _rising(share, holes, holes + _SOFT)
+    air = weight * (_AIR * _rising(lines, *_FREE_LINES) + _OPEN_AIR * much_sky) * np.exp(-amplified)
+    dark = weight * _INSIDE * np.clip(1 - brightest / _DARK, 0.0, 1.0)
+    rows = np.flatnonzero(grid.places(known.surfels.means)[:, 2] > -0.5)
+    surfels, weights = known.surfels.select(rows), weights[rows]
+    width = _KERNEL * max(detail, 0.7 * spacing)
+    areas = counted_once(surfels, weights, grid, width, detail)
+    peaks = areas * surfels.peaks(width) * spacing
+    field = np.stack(
+        [summed_gaussians(grid, surfels.means, surfels.covariances, peaks * part, width) for part in normals[rows].T]
+    )
+    chi = indicator(field, air, dark)
+    own, behind = interpolated([chi, highest_near(chi, round(2 * detail / spacing))], grid.places(surfels.means)).T
+    # What has no body behind it says nothing of where the surface of one is.
+    telling = (behind > _FULL) & (own > _FRINGE) & (weights > 0)
+    level = float(np.average(own[telling], weights=weights[telling])) if telling.any() else 0.5
+    inside = (chi - level) * np.sqrt(2 * np.pi) * width
+    small = (inside > 0) & ~large_parts(inside > 0, _SMALL)
+    inside[small] = -spacing
+    body = inside > 0
+    decided = (dark > 0) | (air > 0) | (known.grid.resampled(highest_near(known.depth, 2), grid) > OPAQUE)
+    return inside, float((body & ~decided).sum() / max(body.sum(), 1))
+
+
+def _rising(values: Array, low: float, high: float) -> Array:
+    """0 up to `low`, 1 from `high` on, smooth between."""
+    t = np.clip((values - low) / (high - low), 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0, lengths, 1.0)

@@ -1,0 +1,245 @@
+"""The reduction `volume`: points that fill the solid, and what they move."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from splat_shells import SHAPES, discs, shell
+
+from gasp_core import Elastic, EngineAccuracy, Gaussians, Reduction, Scene, SplatObject
+from gasp_core.contract import BoxShape, HalfSpace
+from gasp_core.errors import SceneError
+from gasp_core.reduction.assembly import assemble, moved_simplices
+from gasp_core.reduction.point_frames import PointFrames
+from gasp_core.reduction.volume import fill
+from gasp_core.scene.selection import place_object
+
+JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
+VOLUME = Reduction(mode="volume")
+
+
+def item(splat, **options):
+    return SplatObject(**{"name": "thing", "splat": splat, "material": JELLY, "reduction": VOLUME, **options})
+
+
+def assembled(splat, resolution=24, **options):
+    thing = item(splat, **options)
+    scene = Scene(duration=1, frame_rate=1, objects=(thing,), accuracy=EngineAccuracy(resolution=resolution))
+    return assemble(scene, [place_object(thing, splat)])
+
+
+def leaf(rng, count=3_000):
+    points = rng.uniform(-0.5, 0.5, (count, 3)) * [1, 1, 0]
+    return discs(points, np.tile([0.0, 0, 1], (count, 1)), np.full((count, 2), 0.02), np.full(count, 0.9), rng)
+
+
+def joined(*splats):
+    names = [field.name for field in dataclasses.fields(Gaussians)]
+    return Gaussians(**{name: np.concatenate([getattr(splat, name) for splat in splats]) for name in names})
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("jittered", [False, True])
+def test_the_points_have_the_volume_of_the_solid_on_every_grid(name, jittered):
+    splat = shell(SHAPES[name], count=5_000)
+    solid = place_object(item(splat), splat).solid()
+    expected = solid.mass_properties()
+    for resolution in (24, 32, 48, 64):
+        found = fill(solid, SHAPES[name].size / resolution, jittered=jittered)
+        assert found.volumes.sum() == pytest.approx(expected.volume, rel=0.005)
+        centre = found.volumes @ found.positions / found.volumes.sum()
+        assert np.abs(centre - expected.centre).max() < 0.002 * SHAPES[name].size
+
+
+def test_there_are_eight_points_a_cell_and_they_are_inside():
+    splat = shell(SHAPES["cube"])
+    solid = place_object(item(splat), splat).solid()
+    spacing = 1 / 20
+    found = fill(solid, spacing)
+    # Discs may stand out over the edges, and are sheets there.
+    assert found.sheet < 0.05 * len(found.positions)
+    assert solid.distance_at(found.positions[: len(found.positions) - found.sheet]).max() < spacing / 4
+    whole = np.isclose(found.volumes, (spacing / 2) ** 3)
+    # Of 40 points along each side the surface may cut the outermost two.
+    assert 38**3 <= whole.sum() <= 40**3
+    shifted = fill(solid, spacing, jittered=True)
+    moved = np.abs(shifted.positions - found.positions)
+    assert moved[whole].max() <= spacing / 8 and moved[whole].max() > 0.9 * spacing / 8
+    assert not moved[~whole].any()
+
+
+def test_without_displacement_simplices_are_those_at_rest_to_the_last_bit():
+    body = assembled(shell(SHAPES["torus"], count=3_000)).bodies[0]
+    assert isinstance(body.carrier, PointFrames)
+    points = body.points.stop - body.points.start
+    assert np.array_equal(moved_simplices(body, np.zeros((points, 3))), body.block.rest)
+
+
+@pytest.mark.parametrize("splat", ["torus", "thin box", "leaf"])
+def test_what_moves_affinely_is_moved_affinely(splat):
+    rng = np.random.default_rng(0)
+    gaussians = leaf(rng) if splat == "leaf" else shell(SHAPES[splat], count=3_000, noise=0.01)
+    body = assembled(gaussians).bodies[0]
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    for gradient in (turn, turn @ np.diag([1.3, 0.8, 1.1])):
+        shift = rng.normal(size=3)
+        points = body.carrier.points
+        moved = moved_simplices(body, points @ gradient.T + shift - points)
+        # Second moments of a neighbourhood are inverted, of condition 1e4 at most, in double precision.
+        assert moved == pytest.approx(body.block.rest @ gradient.T + shift, abs=1e-9)
+
+
+def test_float32_displacements_keep_shapes():
+    body = assembled(shell(SHAPES["sphere"], count=3_000)).bodies[0]
+    points = body.carrier.points
+    angle = 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    displacements = (points @ turn.T - points).astype(np.float32)
+    edges = np.diff(moved_simplices(body, displacements), axis=1)
+    # An error of 2^-25 of the size over neighbours half a cell, a fiftieth of the size, apart; some ten times that
+    # where they lie to one side.
+    assert edges == pytest.approx(np.diff(body.block.rest, axis=1) @ turn.T, abs=5e-5 * np.abs(edges).max())
+
+
+def test_pieces_that_part_take_their_own_along_and_nothing_is_smeared():
+    splat = shell(SHAPES["cube"], count=6_000)
+    body = assembled(splat).bodies[0]
+    points = body.carrier.points
+    above = points[:, 2] > 0.013
+    shifts = np.where(above[:, None], [0.0, 0.3, 0.8], 0.0)
+    moved = moved_simplices(body, shifts) - body.block.rest
+    up = np.abs(moved - [0, 0.3, 0.8]).max(axis=(1, 2)) < 1e-9
+    still = np.abs(moved).max(axis=(1, 2)) < 1e-9
+    assert (up | still).all() and up.any() and still.any()
+
+
+def test_what_flows_apart_keeps_gaussians_whole():
+    body = assembled(shell(SHAPES["sphere"], count=3_000)).bodies[0]
+    rng = np.random.default_rng(0)
+    # Every point goes its own way, farther than the body is wide.
+    displacements = rng.normal(size=(len(body.carrier.points), 3)) * 3
+    moved = moved_simplices(body, displacements)
+    lengths = np.linalg.norm(np.diff(moved, axis=1), axis=2) / np.linalg.norm(np.diff(body.block.rest, axis=1), axis=2)
+    assert np.isfinite(moved).all()
+    assert np.median(lengths) == pytest.approx(1.0, abs=1e-6) and (lengths < 2).mean() > 0.99
+
+
+def test_neighbours_are_never_across_a_gap():
+    box = SHAPES["thin box"]
+    lower = shell(box)
+    # A tenth of the size apart; a cell is a tenth of it too.
+    gap = 0.1
+    upper = lower.with_(means=lower.means + [0, 0, 0.12 + gap])
+    body = assembled(joined(lower, upper), resolution=10).bodies[0]
+    points, neighbours = body.carrier.points, body.carrier.neighbours
+    middle = points[:, 2].mean()
+    assert ((points[neighbours][..., 2] > middle) == (points[:, 2] > middle)[:, None]).all()
+    shift = np.where(points[:, 2:] > middle, [0.0, 0.0, 0.05], 0.0)
+    moved = moved_simplices(body, shift) - body.block.rest
+    high = body.block.rest[:, :1, 2:] > middle
+    assert moved == pytest.approx(np.broadcast_to(np.where(high, [0.0, 0.0, 0.05], 0.0), moved.shape), abs=1e-9)
+
+
+def test_a_leaf_gets_points_of_its_own_with_the_mass_of_its_sheet():
+    splat = leaf(np.random.default_rng(0))
+    solid = place_object(item(splat), splat).solid()
+    filling = fill(solid, 1 / 24)
+    assert filling.sheet == len(filling.positions)
+    assert filling.volumes.sum() == pytest.approx(solid.mass_properties().volume, rel=1e-9)
+    # About the leaf, a thickness to either side at most.
+    assert np.abs(filling.positions[:, 2]).max() <= solid.detail
+
+
+def test_only_the_region_is_filled():
+    splat = shell(SHAPES["cube"], count=5_000)
+    region = BoxShape(center=(0, 0, 0.75), half_extents=(1, 1, 0.25))
+    problem = assembled(splat, region=region).problem
+    assert problem.points.reference_positions[:, 2].min() >= 0.5
+    assert problem.points.reference_volumes.sum() == pytest.approx(0.5, rel=0.05)
+
+
+def test_what_encloses_nothing_is_refused_by_name():
+    faint = shell(SHAPES["sphere"], count=3_000)
+    with pytest.raises(SceneError, match='object "thing": there is nothing to fill'):
+        assembled(faint.with_(opacities=np.full(len(faint), 0.01)))
+    with pytest.raises(SceneError, match="nothing to fill in its region"):
+        splat = leaf(np.random.default_rng(0))
+        assembled(splat, region=BoxShape(center=tuple(splat.means[0]), half_extents=(1e-4, 1e-4, 1e-4)))
+
+
+def test_velocities_of_a_rigid_motion_go_on_into_the_body():
+    body = assembled(shell(SHAPES["sphere"], count=4_000)).bodies[0]
+    spin = np.array([0.3, -1.0, 2.0])
+    velocities = np.cross(spin, body.block.rest) + [1.0, 0, 0]
+    found = body.carrier.gather(body.block.rest, velocities)
+    expected = np.cross(spin, body.carrier.points) + [1.0, 0, 0]
+    # Each point at the surface has the mean of the Gaussians that follow it, which lie half a cell off it on average.
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.03 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"mode": "volume", "count": 3}, 'count has no meaning with mode = "volume"'),
+        ({"mode": "volume", "points": "random"}, '"regular" or "jittered"'),
+        ({"mode": "all", "points": "regular"}, 'points has no meaning with mode = "all"'),
+        ({"mode": "solid"}, '"all", "cores" or "volume"'),
+    ],
+)
+def test_what_has_no_meaning_is_refused(options, says):
+    with pytest.raises(SceneError, match=says):
+        Reduction(**options)
+
+
+def test_a_run_starts_with_the_splat_and_falls_as_one(tmp_path, scene_of, run):
+    splat = shell(SHAPES["sphere"], count=2_500)
+    scene = scene_of(splat, duration=0.2, reduction=VOLUME, position=(0.0, 0.0, 1.0))
+    recording = run(scene, tmp_path / "run.gasp")
+    first, last = recording.gaussians(0), recording.gaussians(5)
+    assert first.covariances() == pytest.approx(splat.covariances(), rel=1e-6, abs=1e-12)
+    fallen = last.means - first.means
+    # Displacements are float32; the engine of the tests falls in whole steps, a two-hundredth too far.
+    assert np.ptp(fallen, axis=0).max() < 1e-6
+    assert fallen.mean(axis=0) == pytest.approx([0, 0, -0.5 * 9.81 * 0.2**2], abs=2e-3)
+    assert recording.bodies[0].carrier.kind == "volume"
+    (note,) = [note for note in recording.notes if "points fill" in note]
+    assert "carry 2,500 Gaussians" in note
+
+
+def test_a_run_that_was_stopped_ends_as_if_it_had_not_been(tmp_path, scene_of, run):
+    splat = shell(SHAPES["torus"], count=2_200)
+    scene = scene_of(splat, duration=0.2, reduction=VOLUME, angular_velocity=(0.0, 1.0, 2.0))
+    whole = run(scene, tmp_path / "whole.gasp")
+    run(scene, tmp_path / "cut.gasp", frames=3)
+    again = run(scene, tmp_path / "cut.gasp", resume=True)
+    for frame in range(whole.frame_count):
+        assert np.array_equal(whole.gaussians(frame).means, again.gaussians(frame).means)
+
+
+def test_points_that_are_known_are_taken_again_where_they_are_these_but_for_roundings():
+    splat = shell(SHAPES["torus"], count=2_200)
+    thing = item(splat)
+    scene = Scene(duration=1, frame_rate=1, objects=(thing,), accuracy=EngineAccuracy(resolution=16))
+    placed = [place_object(thing, splat)]
+    carrier = assemble(scene, placed).bodies[0].carrier
+    rng = np.random.default_rng(0)
+    for off, taken in ((1e-9, True), (1e-2, False)):
+        other = dataclasses.replace(carrier, points=carrier.points + off * rng.uniform(-1, 1, carrier.points.shape))
+        found = assemble(scene, placed, None, {"thing": other}).bodies[0].carrier
+        assert np.array_equal(found.points, other.points) == taken
+
+
+def test_an_object_stands_on_its_solid_and_not_on_its_outermost_gaussian():
+    splat = shell(SHAPES["sphere"], count=4_000)
+    # A beard of faint Gaussians below, that the box of centres would stand on.
+    beard = leaf(np.random.default_rng(0), count=60)
+    beard = beard.with_(means=0.1 * beard.means - [0, 0, 0.1], opacities=np.full(60, 0.015), scales=0.1 * beard.scales)
+    placed = place_object(item(joined(splat, beard), position=(1.0, 2.0, 3.0)), joined(splat, beard))
+    assert placed.solid().lowest() == pytest.approx(3.0, abs=1e-6)
+    sphere = placed.gaussians.means[:4_000]
+    assert sphere[:, 2].min() == pytest.approx(3.0, abs=0.01)
+    floor = HalfSpace(point=(0, 0, 3.0), normal=(0, 0, 1))
+    assert floor.signed_distance(sphere).min() > -0.01

@@ -1,0 +1,107 @@
+"""Solids are kept, found again, and forgotten when there are too many."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+
+import numpy as np
+import pytest
+from splat_shells import SHAPES, shell
+
+from gasp_core.solid import SolidOptions
+from gasp_core.solid import remembered as module
+from gasp_core.solid.remembered import CACHE_VARIABLE, cache_folder, remembered
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache" / "solids"
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """How often a solid was made."""
+    count = []
+    build = module.solid_of
+    monkeypatch.setattr(module, "solid_of", lambda *arguments: count.append(0) or build(*arguments))
+    return count
+
+
+def same(first, second):
+    for field in dataclasses.fields(first):
+        one, other = getattr(first, field.name), getattr(second, field.name)
+        if dataclasses.is_dataclass(one):
+            same(one, other)
+        else:
+            assert np.array_equal(one, other), field.name
+
+
+def splat(count=500):
+    return shell(SHAPES["sphere"], count=count)
+
+
+def test_a_solid_is_made_once_and_found_again_as_it_was(folder, made):
+    first, second = remembered(splat()), remembered(splat())
+    same(first, second)
+    assert len(made) == 1 and len(list(folder.iterdir())) == 1
+
+
+def test_other_gaussians_and_other_options_are_another_solid(folder, made):
+    remembered(splat())
+    remembered(splat(501))
+    remembered(splat(), SolidOptions(cells=20))
+    assert len(made) == 3
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 no archive", None])
+def test_a_damaged_file_is_made_anew(folder, made, damage):
+    first = remembered(splat())
+    (file,) = folder.iterdir()
+    file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
+    same(first, remembered(splat()))
+    assert len(made) == 2
+    remembered(splat())
+    assert len(made) == 2
+
+
+def test_numbers_that_are_no_solid_are_made_anew(folder, made):
+    remembered(splat())
+    (file,) = folder.iterdir()
+    with np.load(file) as kept:
+        arrays = dict(kept)
+    arrays["distance"] = np.full_like(arrays["distance"], np.nan)
+    with file.open("wb") as stream:
+        np.savez(stream, **arrays)
+    assert np.isfinite(remembered(splat()).distance).all()
+    assert len(made) == 2
+
+
+def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path, monkeypatch, made):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
+    assert remembered(splat()).volume > 0
+    assert len(made) == 1
+
+
+def test_nothing_is_kept_where_that_is_asked(tmp_path, monkeypatch, made):
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    assert cache_folder() is None
+    remembered(splat())
+    remembered(splat())
+    assert len(made) == 2
+
+
+def test_the_oldest_go_and_nothing_else_does(folder, monkeypatch):
+    for count in (500, 501, 502):
+        remembered(splat(count))
+    files = sorted(folder.iterdir())
+    for age, file in enumerate(files):
+        os.utime(file, (1e9 - age, 1e9 - age))
+    (folder / "notes.txt").write_text("mine")
+    # Room for three of the four there will be.
+    monkeypatch.setattr(module, "_MOST_BYTES", 3.5 * max(file.stat().st_size for file in files))
+    remembered(splat(503))
+    assert set(files) - set(folder.iterdir()) == {files[-1]}
+    assert (folder / "notes.txt").exists() and len(list(folder.iterdir())) == 4
