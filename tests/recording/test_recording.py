@@ -265,6 +265,6 @@ def test_a_carrier_from_the_future_or_without_its_arrays_is_refused(scene_of, ru
     shutil.rmtree(recorded.path / "bodies" / "0" / "levels" / "0" / "transfer" / "weights")
     with pytest.raises(RecordingError, match=r"transfer/weights/zarr\.json is damaged: it is missing"):
         Recording.open(recorded.path).gaussians(1)
-    edit(recorded.path / "zarr.json", lambda attributes: attributes["bodies"][0].update(carrier="volume"))
-    with pytest.raises(RecordingError, match='carries body 0 by "volume", this GASP knows no such: update GASP'):
+    edit(recorded.path / "zarr.json", lambda attributes: attributes["bodies"][0].update(carrier="splines"))
+    with pytest.raises(RecordingError, match='carries body 0 by "splines", this GASP knows no such: update GASP'):
         Recording.open(recorded.path).gaussians(1)

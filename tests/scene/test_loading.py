@@ -126,7 +126,6 @@ REFUSED = {
     "friction without separate": (DESIGN.replace('"separate"', '"slip"'), ["collider[0].friction", "slip"]),
     "tolerance": (DESIGN.replace("resolution = 64", "tolerance = 0.01"), ["accuracy.tolerance", "comes later"]),
     "auto": (DESIGN.replace('"taichi-mpm"', '"auto"'), ["engine.name", "comes later"]),
-    "volume": (DESIGN.replace('"all"', '"volume"'), ["object[0].reduction.mode", "comes later"]),
     "cores, no number": (DESIGN.replace('"all"', '"cores"'), ["object[0].reduction.mode", "fraction or a count"]),
     "cores, two numbers": (
         DESIGN.replace('mode = "all"', 'mode = "cores", count = 5, fraction = 0.1'),
@@ -144,7 +143,7 @@ REFUSED = {
         ["reduction.transfer", '"least-squares", "frame"', "linear"],
     ),
     "a number for all": (DESIGN.replace('mode = "all"', 'mode = "all", count = 5'), ["reduction.count", "no meaning"]),
-    "no such mode": (DESIGN.replace('"all"', '"few"'), ["reduction.mode", '"all" or "cores"', "few"]),
+    "no such mode": (DESIGN.replace('"all"', '"few"'), ["reduction.mode", '"all", "cores" or "volume"', "few"]),
     "coarse": (DESIGN.replace("resolution = 64", "resolution = 1"), ["accuracy.resolution", ">= 2"]),
     "fraction of a cell": (DESIGN.replace("resolution = 64", "resolution = 6.5"), ["accuracy.resolution", "whole"]),
     "not TOML": (DESIGN.replace("frame_rate = 25", "frame_rate 25"), ["not valid TOML", "line 4"]),
