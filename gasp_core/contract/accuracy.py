@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
@@ -15,6 +15,9 @@ __all__ = ["EngineAccuracy"]
 
 Array = NDArray[Any]
 
+_CELLS = 64
+"""Where nobody has chosen."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineAccuracy:
@@ -23,7 +26,8 @@ class EngineAccuracy:
     Parameters
     ----------
     resolution
-        Grid cells (or elements) along the longest side of the largest body.
+        Grid cells (or elements) along the longest side of the largest body. "auto": what a scene chooses by its
+        objects and materials; engines are given the number.
     substep_fraction
         Of the stable bound the engine computes, in (0, 1].
     substep
@@ -39,7 +43,7 @@ class EngineAccuracy:
         Grid spacing [m] instead of `resolution`: two runs compared at one spacing, a scene of one point.
     """
 
-    resolution: int = 64
+    resolution: int | Literal["auto"] = "auto"
     substep_fraction: float = 0.5
     substep: float | None = None
     solver_tolerance: float = 1e-6
@@ -48,7 +52,8 @@ class EngineAccuracy:
     spacing: float | None = None
 
     def __post_init__(self) -> None:
-        finite(self, "resolution", low=2, high=4096)
+        if self.resolution != "auto":
+            finite(self, "resolution", low=2, high=4096)
         finite(self, "substep_fraction", low=0.0, high=1.0, open_low=True)
         finite(self, "solver_tolerance", low=0.0, high=1.0, open_low=True)
         finite(self, "substep_limit", low=1)
@@ -59,7 +64,8 @@ class EngineAccuracy:
                 finite(self, name, low=0.0, open_low=True)
 
     def spacing_for(self, size: float | PointCloud) -> float:
-        """Grid spacing [m] for matter of this size [m], `PointCloud.size`: `spacing`, or the size over `resolution`.
+        """Grid spacing [m] for matter of this size [m], `PointCloud.size`: `spacing`, or the size over `resolution`,
+        64 where that is "auto".
 
         A cloud instead of its size is deprecated.
         """
@@ -70,5 +76,6 @@ class EngineAccuracy:
             size = size.size
         if self.spacing is not None:
             return self.spacing
+        cells = _CELLS if self.resolution == "auto" else self.resolution
         # One place has no size to resolve; any spacing serves a body that only flies.
-        return size / self.resolution if size > 0 else 1.0 / self.resolution
+        return size / cells if size > 0 else 1.0 / cells

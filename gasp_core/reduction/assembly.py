@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Material, PointCloud, PointProblem
+from gasp_core.contract import EngineAccuracy, Material, PointCloud, PointProblem
 from gasp_core.control import control
 from gasp_core.dynamics.composition import Played, PrescribedMotion, drifted
 from gasp_core.errors import SceneError
 from gasp_core.games import invert_simplices, matter_rotations
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
+from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.model import Scene
+from gasp_core.scene.objects import Reduction
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.settings import MapChoice
 from gasp_core.stepping.grid import GridAnchor
@@ -78,11 +80,17 @@ class Assembly:
         Grid spacing [m], from the points before they were magnified.
     bodies
         In the order of `PointCloud.body_ids`.
+    accuracy
+        What the engine is given: that of the scene, with this spacing and a resolution that is a number.
+    notes
+        Sentences for the user about all of it.
     """
 
     problem: PointProblem
     spacing: float
     bodies: tuple[Body, ...]
+    accuracy: EngineAccuracy
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,17 +150,22 @@ def assemble(
         )
         for (_, placed), motion in zip(moving, played)
     ]
-    spacing = _spacing(scene, [placed for _, placed in moving], blocks)
+    choices = [chosen_mode(placed, (known or {}).get(placed.item.name)) for _, placed in moving]
+    accuracy, notes = _accuracy(scene, [placed for _, placed in moving], blocks, choices)
+    spacing = accuracy.spacing
+    assert spacing is not None
     bodies: list[Body] = []
     columns: dict[str, list[Array]] = {}
     bounds: list[Array] = []
     materials: list[Material] = []
     start = 0
-    for body, ((index, placed), block, motion) in enumerate(zip(moving, blocks, played)):
+    for body, ((index, placed), block, motion, choice) in enumerate(zip(moving, blocks, played, choices)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
         carried = drift is not None and drift.played.choice.composition == "carried"
         before = (known or {}).get(placed.item.name)
-        sample = _sample(placed, block, scene.maps.edge_floor * spacing, spacing, carried, before)
+        floor = scene.maps.edge_floor * spacing
+        reduction = reduction_of(placed, choice, block, floor, spacing)
+        sample = _sample(placed, reduction, block, floor, spacing, carried, before)
         points, volumes = sample.positions + block.centre, sample.volumes
         material = placed.item.material
         assert material is not None  # SplatObject refuses what moves and is made of nothing
@@ -177,7 +190,7 @@ def assemble(
                 points=slice(start, start + len(points)),
                 block=block,
                 carrier=sample.carrier,
-                notes=(*([motion.note] if motion and motion.note else []), *sample.notes),
+                notes=(*([motion.note] if motion and motion.note else []), *_told(reduction, choice, sample)),
                 drift=drift if carried else None,
             )
         )
@@ -195,20 +208,25 @@ def assemble(
         domain=scene.domain,
         hints=(GridAnchor(place=(float(x), float(y), float(z))),),
     )
-    return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies))
+    return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies), accuracy=accuracy, notes=notes)
 
 
 def _sample(
-    placed: PlacedObject, block: Block, floor: float, spacing: float, drifts: bool, known: TransferOperator | None
+    placed: PlacedObject,
+    reduction: Reduction,
+    block: Block,
+    floor: float,
+    spacing: float,
+    drifts: bool,
+    known: TransferOperator | None,
 ) -> Sample:
-    """The points of an object by the mode it asks for.
+    """The points of an object by the mode it asks for, or that was chosen.
 
     Raises
     ------
     SceneError
         Where more cores are asked for than there are Gaussians.
     """
-    reduction = placed.item.reduction
     if reduction.mode == "all":
         return sample_all(block, floor, spacing, drifts=drifts)
     if reduction.mode == "volume":
@@ -222,23 +240,35 @@ def _sample(
     return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None)
 
 
-def _spacing(scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block]) -> float:
-    """The engine's spacing [m]: from the centres of the Gaussians that do not float, not from the ends of edges.
+def _told(reduction: Reduction, choice: Choice, sample: Sample) -> tuple[str, ...]:
+    """The notes of a sample, the first one with the mode that was chosen, and why."""
+    if not choice.why:
+        return sample.notes
+    first, *rest = sample.notes or ["every vertex is a point"]
+    return (f'reduction "{reduction.mode}", because {choice.why}: {first}', *rest)
 
-    One far floater, or one huge faint Gaussian of a capture, would otherwise set the resolution of all the rest.
-    """
-    bodies: list[Array] = []
-    for placed, block in zip(objects, blocks):
-        own = placed.gaussians.means[placed.moving & ~placed.floating]
-        # A single Gaussian has no extent but its edges.
-        bodies.append(own if len(own) > 1 and np.ptp(own, axis=0).any() else (block.rest + block.centre).reshape(-1, 3))
-    spacing = scene.accuracy.spacing_for(max(float(np.ptp(body, axis=0).max()) for body in bodies))
+
+def _accuracy(
+    scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block], choices: Sequence[Choice]
+) -> tuple[EngineAccuracy, tuple[str, ...]]:
+    """The engine's knobs, with a spacing [m] and a number of cells, and how they came about."""
+    sizes = [size_of(placed) for placed in objects]
+    # A single Gaussian has no extent but its edges.
+    sizes = [size or float(np.ptp(block.rest.reshape(-1, 3), axis=0).max()) for size, block in zip(sizes, blocks)]
+    accuracy, notes = scene.accuracy, ()
+    if accuracy.spacing is None and accuracy.resolution == "auto":
+        modes = {placed.item.name: choice.mode for placed, choice in zip(objects, choices)}
+        resolution, why = chosen_resolution(objects, modes)
+        accuracy, notes = replace(accuracy, resolution=resolution), (f"resolution {why}",)
+    spacing = accuracy.spacing_for(max(sizes))
     if not _FINEST <= spacing <= _COARSEST:
         raise SceneError(
             f"a cell of this scene would be {spacing:.3g} m, which is no size of matter: look at height,"
             " metres_per_unit, and the spacing of [accuracy]"
         )
-    return spacing
+    if accuracy.resolution == "auto":
+        accuracy = replace(accuracy, resolution=min(max(round(max(sizes) / spacing), 2), 4096))
+    return replace(accuracy, spacing=spacing), notes
 
 
 def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:

@@ -25,7 +25,7 @@ from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
 
-__all__ = ["Level", "Levels", "Matter", "corners_of", "sample_cores"]
+__all__ = ["CORNERS_A_CELL", "Level", "Levels", "Matter", "corners_of", "sample_cores"]
 
 Array = NDArray[Any]
 
@@ -36,7 +36,7 @@ _THIN = 1e-9
 _ROUNDING = 1e-9
 """Of a body's size, that a core may be off by and still be of its cluster: coordinates are rounded at 1e-16 of it, a
 cluster of a million adds up as many of these."""
-_CORNERS_A_CELL = 4
+CORNERS_A_CELL = 4
 """A plant in 5,499 cells strayed from that of all vertices by 0.8 % of its diagonal with 4 a cell, by 5.0 % with 1."""
 
 
@@ -245,10 +245,10 @@ def _notes(levels: Sequence[Level], cells: int) -> tuple[str, ...]:
     fell = f", {fallen:,} neighbourhoods fell back on one core's frame" if fallen else ""
     found = [f"{chain} carry {len(levels[-1].transfer.labels):,} Gaussians{fell}"]
     corners = 4 * len(levels[0].cores)
-    if corners < _CORNERS_A_CELL * cells:
+    if corners < CORNERS_A_CELL * cells:
         found.append(
             f"{corners:,} corners of cores are few for {cells:,} cells of the grid: matter may be too soft, or break,"
-            f" ask for some {_CORNERS_A_CELL * cells // 4:,} cores"
+            f" ask for some {CORNERS_A_CELL * cells // 4:,} cores"
         )
     return tuple(found)
 

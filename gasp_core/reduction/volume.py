@@ -24,12 +24,13 @@ from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.placed_solid import PlacedSolid
 
-__all__ = ["Filling", "fill", "sample_volume"]
+__all__ = ["POINTS_A_CELL", "Filling", "fill", "sample_volume"]
 
 Array = NDArray[Any]
 
 _PER_CELL = 2
 """Points along each side of a cell."""
+POINTS_A_CELL = _PER_CELL**3
 _LEAST = 0.02
 """Share of a point's volume below which it is none: it would weigh nothing and be moved all the same."""
 _SHEET = 0.75

@@ -36,7 +36,7 @@ from gasp_core.io.text_files import read_text
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
-from gasp_core.scene.schema import migrated
+from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 from gasp_core.scene.writing import MEMORY
@@ -98,7 +98,7 @@ def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
     folder
         Relative splat paths start here and must exist. None: paths are taken as they are and not looked for.
     """
-    return _read(Table(file, "", _tables(text, file)), folder)
+    return _read(migrated(Table(file, "", _tables(text, file)), SCHEMA), folder)
 
 
 def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tuple[Scene, tuple[str, ...]]:
@@ -126,7 +126,7 @@ def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tu
         Where it cannot be read all the same.
     """
     forgotten: list[str] = []
-    scene = _read(StoredTable(file, "", _tables(text, file), forgotten), None)
+    scene = _read(migrated(StoredTable(file, "", _tables(text, file), forgotten), 1), None)
     return scene if beside is None else _placed_beside(scene, beside), tuple(forgotten)
 
 
@@ -196,14 +196,13 @@ def _refuse_extremes(values: dict[str, Any], file: str) -> None:
 
 
 def _read(top: Table, folder: Path | None) -> Scene:
-    top = migrated(top)
     top.only(*_TOP)
     top.required("scene", "a table [scene]")
     head = top.table("scene")
     head.only("schema", "duration", "frame_rate", "gravity")
     accuracy = top.table("accuracy")
     if accuracy.has("tolerance"):
-        accuracy.fail("tolerance", "comes later: name resolution = 64 (cells along the largest object) yourself")
+        accuracy.fail("tolerance", "comes later: name resolution = 48 (cells along the largest object) yourself")
     objects = [_read_object(table, folder) for table in top.tables("object")]
     if not objects:
         top.fail("object", "missing, a scene needs at least one [[object]]")

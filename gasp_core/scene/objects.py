@@ -44,7 +44,7 @@ class Reduction:
     mode
         "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
         clusters of the object's own. "volume": points that fill the body that the Gaussians are the surface of, eight
-        a cell.
+        a cell. "auto": "volume" where there is such a body, "cores" where it is thin, "all" where Gaussians are few.
     fraction, count
         Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
     levels
@@ -61,7 +61,7 @@ class Reduction:
         Where a value is impossible, or has no meaning in this mode.
     """
 
-    mode: str = "all"
+    mode: str = "auto"
     fraction: float | None = None
     count: int | None = None
     levels: int | None = None
@@ -69,9 +69,9 @@ class Reduction:
     points: Literal["regular", "jittered"] | None = None
 
     def __post_init__(self) -> None:
-        own = {"all": (), "volume": ("points",), "cores": ("fraction", "count", "levels", "transfer")}
+        own = {"auto": (), "all": (), "volume": ("points",), "cores": ("fraction", "count", "levels", "transfer")}
         if self.mode not in own:
-            raise SceneError(f'Reduction.mode must be "all", "cores" or "volume", found {self.mode!r}')
+            raise SceneError(f'Reduction.mode must be "auto", "all", "cores" or "volume", found {self.mode!r}')
         for name in ("fraction", "count", "levels", "transfer", "points"):
             if name not in own[self.mode] and getattr(self, name) is not None:
                 raise SceneError(f'Reduction.{name} has no meaning with mode = "{self.mode}": leave it out')
@@ -100,7 +100,7 @@ class Reduction:
     def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Reduction:
         """The same with so many cores, levels and transfer as they are; with neither a fraction nor a count: "all"."""
         if fraction is None and count is None:
-            return Reduction()
+            return Reduction(mode="all")
         own = self if self.mode == "cores" else Reduction(mode="cores", count=1)
         return replace(own, fraction=fraction, count=count)
 

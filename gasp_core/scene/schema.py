@@ -2,13 +2,14 @@
 
 A key that is added with a default that leaves scenes what they were needs nothing here. A key that is renamed or goes,
 a value that means something else, a default that changes: the number goes up by one, and a step of `_STEPS` makes
-tables of the number before those of the new one. So scenes in files and in recordings stay what they were.
+tables of the number before those of the new one. So scenes in files that say their number, and in recordings, stay what
+they were.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 from gasp_core.scene.tables import Table
 
@@ -16,15 +17,41 @@ __all__ = ["SCHEMA", "migrated"]
 
 Tables = dict[str, Any]
 
-SCHEMA = 1
-"""Of scenes as they are written today. A scene that says none is of number 1."""
+SCHEMA = 2
+"""Of scenes as they are written today. A scene file that says no number is of today, a recording of number 1."""
 
-_STEPS: tuple[Callable[[Tables], Tables], ...] = ()
+
+def _with_every_vertex(top: Tables) -> Tables:
+    """1: every vertex was a point, on a grid of 64 cells, where nothing else was said."""
+    found = dict(top)
+    items: object = top.get("object")
+    if isinstance(items, list):
+        found["object"] = [_said(item, "reduction", mode="all") for item in cast("list[object]", items)]
+    accuracy: object = top.get("accuracy", {})
+    if isinstance(accuracy, Mapping) and "spacing" not in accuracy and "tolerance" not in accuracy:
+        found["accuracy"] = {"resolution": 64, **cast("Mapping[str, Any]", accuracy)}
+    return found
+
+
+def _said(owner: object, key: str, **defaults: Any) -> object:
+    """A table with these entries in its own table `key`, where they are not said; what is no table stays for others."""
+    if not isinstance(owner, Mapping):
+        return owner
+    values = cast("Mapping[str, Any]", owner)
+    inner: object = values.get(key, {})
+    if not isinstance(inner, Mapping):
+        return owner
+    return {**values, key: {**defaults, **cast("Mapping[str, Any]", inner)}}
+
+
+_STEPS: tuple[Callable[[Tables], Tables], ...] = (_with_every_vertex,)
 """From number 1 to 2, from 2 to 3, ...: functions of the whole file's tables."""
 
 
-def migrated(top: Table, *, schema: int = SCHEMA, steps: tuple[Callable[[Tables], Tables], ...] = _STEPS) -> Table:
-    """A scene's tables in the keys of today.
+def migrated(
+    top: Table, unnumbered: int, *, schema: int = SCHEMA, steps: tuple[Callable[[Tables], Tables], ...] = _STEPS
+) -> Table:
+    """A scene's tables in the keys of today; one that says no number is of `unnumbered`.
 
     Raises
     ------
@@ -33,7 +60,7 @@ def migrated(top: Table, *, schema: int = SCHEMA, steps: tuple[Callable[[Tables]
     """
     values = dict(top.values)
     head = values.get("scene")
-    number: object = head.get("schema", 1) if isinstance(head, Mapping) else 1
+    number: object = head.get("schema", unnumbered) if isinstance(head, Mapping) else unnumbered
     if type(number) is not int or number < 1:
         top.table("scene").fail("schema", f"must be a whole number from 1 to {schema}, found {number!r}")
     if number > schema:

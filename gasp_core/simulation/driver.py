@@ -189,7 +189,7 @@ def _opened(
         device=scene.engine.device or capabilities.devices[0],
         precision=scene.engine.precision or capabilities.precisions[0],
         seed=scene.engine.seed,
-        accuracy=dataclasses.replace(scene.accuracy, spacing=assembly.spacing),
+        accuracy=assembly.accuracy,
         options=options,
         restart=restart or None,
     )

@@ -56,6 +56,7 @@ def header_of(
         notes += placed.set_aside.sentences(placed.item.name)
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
+    notes += assembly.notes
     inside = starts_inside(assembly.problem, assembly.spacing)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(

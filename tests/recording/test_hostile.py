@@ -339,7 +339,7 @@ def test_a_carrier_does_not_unpack_to_more_than_it_can_mean(kept, cloud, scene_o
     # So many that the memory any file may take is not enough for all of what a carrier could be told to have.
     many = kept / "many.gasp"
     if not many.exists():
-        run(scene_of(cloud(30_000), duration=0.04), many)
+        run(scene_of(cloud(30_000), duration=0.04, reduction=Reduction(mode="all")), many)
     path = shutil.copytree(many, tmp_path / "many.gasp")
     for level in range(9):
         for part in ("labels", "neighbours", "weights", "inverses", "fallen", "order"):

@@ -45,8 +45,16 @@ def assembled(*splats, vertices=None, maps=None, **reduction):
         )
         for index, splat in enumerate(splats)
     ]
-    scene = Scene(duration=1, frame_rate=1, objects=items, maps=maps or MapChoice())
+    accuracy = EngineAccuracy(resolution=64)
+    scene = Scene(duration=1, frame_rate=1, objects=items, maps=maps or MapChoice(), accuracy=accuracy)
     return assemble(scene, [place_object(item, item.splat) for item in items])
+
+
+def every_vertex(item):
+    """The same as the engine would have been given it without any cores."""
+    item = dataclasses.replace(item, reduction=Reduction(mode="all"))
+    scene = Scene(duration=1, frame_rate=1, objects=(item,), accuracy=EngineAccuracy(resolution=64))
+    return assemble(scene, [place_object(item, item.splat)])
 
 
 def turn(angle):
@@ -152,7 +160,7 @@ def test_a_fraction_is_of_the_gaussians_that_move(fraction):
 def test_the_mass_is_that_of_all_points(levels):
     splat = ball()
     item = SplatObject(name="a", splat=splat, material=JELLY)
-    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)])
+    whole = every_vertex(item)
     reduced = assembled(splat, count=20, levels=levels)
     # A sum of some thousand doubles.
     np.testing.assert_allclose(reduced.problem.masses.sum(), whole.problem.masses.sum(), rtol=1e-12)
@@ -164,7 +172,7 @@ def test_a_core_has_the_mass_the_mean_and_the_covariance_of_its_cluster():
     """One core for all has the moments of all vertices, as the engine would have been given them."""
     splat = ball(50)
     item = SplatObject(name="a", splat=splat, material=JELLY, vertices=4)
-    whole = assemble(Scene(duration=1, frame_rate=1, objects=(item,)), [place_object(item, splat)]).problem.points
+    whole = every_vertex(item).problem.points
     positions, weights = whole.reference_positions, whole.reference_volumes
     corners = assembled(splat, count=1, vertices=4).problem.points.reference_positions
     mean = np.average(positions, axis=0, weights=weights)

@@ -100,4 +100,4 @@ def test_resolution_and_cores_of_a_scene_are_set_in_one_place(scene_of):
     assert scene.with_resolution(12).accuracy.spacing is None
     assert scene.with_cores(fraction=0.5).objects[0].reduction == Reduction(mode="cores", fraction=0.5, levels=2)
     assert scene.with_cores(count=4).objects[0].reduction == Reduction(mode="cores", count=4, levels=2)
-    assert scene.with_cores().objects[0].reduction == Reduction()
+    assert scene.with_cores().objects[0].reduction == Reduction(mode="all")

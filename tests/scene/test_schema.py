@@ -37,6 +37,11 @@ from gasp_core.scene.writing import scene_to_toml
 
 KEPT = Path(__file__).parent / "schema.json"
 
+
+def numbered(text, number):
+    return text.replace("[scene]", f"[scene]\nschema = {number}")
+
+
 SCENE_CLASSES = (
     Scene, SplatObject, Reduction, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
     HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
@@ -107,13 +112,14 @@ def test_an_older_scene_goes_through_every_step_since():
     def second(tables):
         return {**tables, "scene": {**tables["scene"], "steps": [*tables["scene"].get("steps", []), "2 to 3"]}}
 
-    def steps_taken(number):
+    def steps_taken(number, unnumbered=3):
         head = {"duration": 1.0} if number is None else {"schema": number}
-        return migrated(Table("a", "", {"scene": head}), schema=3, steps=(first, second)).values["scene"].get("steps")
+        table = Table("a", "", {"scene": head})
+        return migrated(table, unnumbered, schema=3, steps=(first, second)).values["scene"].get("steps")
 
-    assert steps_taken(None) == steps_taken(1) == ["1 to 2", "2 to 3"]
+    assert steps_taken(None, 1) == steps_taken(1) == ["1 to 2", "2 to 3"]
     assert steps_taken(2) == ["2 to 3"]
-    assert steps_taken(3) is None
+    assert steps_taken(3) is steps_taken(None) is None
 
 
 def test_keys_that_are_gone_are_passed_over_in_a_scene_that_was_kept_and_nowhere_else():
@@ -122,7 +128,28 @@ def test_keys_that_are_gone_are_passed_over_in_a_scene_that_was_kept_and_nowhere
         read_scene(text, file="a.toml", folder=None)
     scene, forgotten = read_stored_scene(text, file="a.toml")
     assert forgotten == ("weather", "object[0].glow")
-    assert scene == read_scene(TEXT, file="a.toml", folder=None)
+    assert scene == read_scene(numbered(TEXT, 1), file="a.toml", folder=None)
+
+
+def test_a_scene_of_number_1_has_every_vertex_and_64_cells():
+    """As its recordings have them, which said no number at first; what it says itself stays."""
+    today = read_scene(TEXT, file="a.toml", folder=None)
+    assert (today.objects[0].reduction.mode, today.accuracy.resolution) == ("auto", "auto")
+    older = read_scene(numbered(TEXT, 1), file="a.toml", folder=None)
+    assert (older.objects[0].reduction.mode, older.accuracy.resolution) == ("all", 64)
+    assert read_stored_scene(TEXT, file="kept")[0] == older
+    said = TEXT + "reduction = { count = 5, levels = 2 }\n[accuracy]\nspacing = 0.01\n"
+    with pytest.raises(SceneError, match=r'object\[0\].reduction.count: has no meaning with mode = "all"'):
+        read_scene(numbered(said, 1), file="a.toml", folder=None)
+    said = said.replace("{ count", '{ mode = "cores", count')
+    assert read_scene(numbered(said, 1), file="a.toml", folder=None) == dataclasses.replace(
+        read_scene(said, file="a.toml", folder=None), accuracy=EngineAccuracy(spacing=0.01)
+    )
+    for broken in ("object = 3", "[object]\na = 1", "accuracy = 2", "[[object]]\nreduction = 2"):
+        with pytest.raises(SceneError, match=r"a\.toml: "):
+            read_scene(f"{broken}\n", file="a.toml", folder=None)
+        with pytest.raises(SceneError, match=r"a\.toml: "):
+            read_stored_scene(f"{broken}\n", file="a.toml")
 
 
 def test_only_what_differs_from_the_defaults_enters_the_digest():

@@ -106,7 +106,7 @@ def compare(
     earlier = _in_the_way(folder, names, overwrite)
     if code_of(scene):
         prepare(without_code(scene))
-    masses = prepare(scene).assembly.problem.masses
+    assembly = prepare(scene).assembly
     runs = [
         dataclasses.replace(run, trust_code=trust_code)
         for run in runs_of(scene, names, folder, device=device, precision=precision)
@@ -124,13 +124,14 @@ def compare(
         folder=folder,
         frames_wanted=scene.frame_count,
         frame_rate=scene.frame_rate,
-        resolution=scene.accuracy.resolution,
+        resolution=int(assembly.accuracy.resolution),
         size=size,
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
         pairs=_pairs(recordings, filmed.likenesses, progress),
         notes=(*notes_of(scene, runs), *filmed.notes),
     )
+    masses = assembly.problem.masses
     curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
     page = page_of(comparison, curves)
     with replacing(folder / _REPORT) as stream:

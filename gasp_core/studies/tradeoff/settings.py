@@ -11,6 +11,7 @@ from gasp_core.contract import EngineAccuracy, Precision
 from gasp_core.errors import AccuracyError
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
+from gasp_core.simulation.splat_sources import prepare
 
 __all__ = ["Setting", "default_resolutions", "grid", "scene_with"]
 
@@ -102,8 +103,9 @@ def grid(
 
 
 def default_resolutions(scene: Scene) -> tuple[int, ...]:
-    """A half and 1/sqrt 2 of the scene's own resolution, and that."""
+    """A half and 1/sqrt 2 of the scene's own resolution, and that; where it is "auto", its splats are read for it."""
     own = scene.accuracy.resolution
+    own = int(prepare(scene).assembly.accuracy.resolution) if own == "auto" else own
     return tuple(sorted({max(2, round(own / math.sqrt(2) ** step)) for step in range(3)}))
 
 
