@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 import sys
 from collections.abc import Callable, Generator, Sequence
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.dry_run import estimated, print_estimate
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
@@ -50,6 +52,7 @@ Examples:
   gasp run scene.toml
   gasp run scene.toml --engine reference-mpm --out slow.gasp --frames 5
   gasp run scene.toml --resolution 24 --cores 0.1     a first look, in a tenth of the time
+  gasp run scene.toml --render film.mp4 --dry-run     how long it would take, and what memory
   gasp run scene.toml --render film.mp4
   gasp run scene.toml --resume        go on after Ctrl-C, a crash or a power cut
 """
@@ -76,6 +79,9 @@ Examples:
     help="Film it while it runs: film.mp4, sheet.png or a folder of pictures; more than one if you like.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
+@click.option(
+    "--dry-run", is_flag=True, help="Keep nothing; print points, substeps, memory and how long it would take."
+)
 @most_memory_option
 @trust_code_option
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
@@ -91,6 +97,7 @@ def run(
     trust_code: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
+    dry_run: bool,
     as_json: bool,
 ) -> None:
     """Simulate a scene and keep its frames.
@@ -100,6 +107,8 @@ def run(
     """
     if resume and overwrite:
         raise click.UsageError("--resume goes on with a run, --overwrite throws it away: say one of them")
+    if dry_run and (resume or frames is not None):
+        raise click.UsageError("--dry-run is about the whole run: leave --resume and --frames out")
     from gasp_core import load_scene, simulate
 
     folder = out if out is not None else Path(scene.stem + ".gasp")
@@ -115,6 +124,13 @@ def run(
         command += ["--render", str(path)]
     loaded = settings.applied(load_scene(scene))
     trusted = code_is_trusted(loaded, trust_code)
+    if dry_run:
+        found = estimated(loaded, engine, settings, isolate, trusted, films, size)
+        if as_json:
+            print_json({**dataclasses.asdict(found), "seconds": found.seconds})
+        else:
+            print_estimate(found, loaded, filmed=bool(films))
+        return
     with resumable(folder, command):
         with filmed(folder, loaded, films, size, frames) as recorded:
             recording = simulate(

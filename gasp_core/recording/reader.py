@@ -24,10 +24,9 @@ from gasp_core.recording.lock import locked
 from gasp_core.recording.nodes import read_attributes
 from gasp_core.recording.opening import read_header
 from gasp_core.recording.store import Store
-from gasp_core.reduction.all_vertices import Block, Vertices, block_of
+from gasp_core.reduction.all_vertices import Block, block_of
 from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
-from gasp_core.reduction.cores import Levels
-from gasp_core.reduction.point_frames import PointFrames
+from gasp_core.reduction.carriers import CARRIERS
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.loading import read_stored_motion, read_stored_scene
@@ -238,11 +237,8 @@ class Recording:
         return PrescribedMotion.again(name, choice, unmoved, self.placement(name).translation, block.rest)
 
     def _carrier(self, index: int, count: int) -> TransferOperator:
-        kinds: dict[str, type[Vertices | Levels | PointFrames]] = {
-            kind.kind: kind for kind in (Vertices, Levels, PointFrames)
-        }
         entry = self.header.bodies[index]
-        if entry.carrier not in kinds:
+        if entry.carrier not in CARRIERS:
             raise RecordingError(
                 f'{self.path}: carries body {index} by "{entry.carrier}", this GASP knows no such: update GASP'
             )
@@ -250,7 +246,7 @@ class Recording:
         arrays.pop("unmoved", None)
         try:
             check_carrier(arrays, entry, count)
-            return kinds[entry.carrier].of(arrays)
+            return CARRIERS[entry.carrier].of(arrays)
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(f"{self.path}: bodies/{index} is damaged ({short(error)})") from None
 

@@ -151,11 +151,16 @@ class PointFrames:
         return out
 
     def gather(self, rest: Array, velocities: Array) -> Array:
-        """See `TransferOperator`: those of the surface go on into the body as a harmonic field, which is rigid where
-        they are."""
+        """See `TransferOperator`: the affine field that is nearest to them, exact where they are rigid, and what is
+        left of those of the surface, which goes on into the body as a harmonic field."""
         from scipy import sparse
         from scipy.sparse.linalg import cg
 
+        places = np.append(rest.reshape(-1, 3), np.ones((rest.size // 3, 1)), axis=1)
+        # Along axes that they do not extend along they tell nothing, and the least is taken.
+        affine = np.linalg.lstsq(places, velocities.reshape(-1, 3), rcond=_THIN)[0]
+        velocities = velocities - (places @ affine).reshape(velocities.shape)
+        whole = np.append(self.points, np.ones((len(self.points), 1)), axis=1) @ affine
         count, own = len(self.points), self.leaders
         held = np.bincount(own, minlength=count).astype(np.float64)
         means = np.stack([np.bincount(own, column, minlength=count) for column in velocities.mean(axis=1).T], axis=1)
@@ -168,7 +173,7 @@ class PointFrames:
         system = sparse.diags_array(degrees + weight) - links + sparse.diags_array(links.diagonal())
         targets = np.where(held[:, None] > 0, means / np.maximum(held, 1.0)[:, None], velocities.mean(axis=(0, 1)))
         found = [cg(system, weight * column, x0=column, rtol=1e-10)[0] for column in targets.T]
-        return np.stack(found, axis=1)
+        return whole + np.stack(found, axis=1)
 
     @property
     def leaders(self) -> Array:
@@ -195,6 +200,8 @@ class PointFrames:
         }
 
 
+_THIN = 1e-6
+"""Of the largest singular value of the places of a body: what extends less has no slope along that axis."""
 _HELD, _LOOSE = 1e3, 1e-9
 """Weights of known velocities, and of the mean where nothing is known, beside those of neighbours, which are 1."""
 

@@ -163,3 +163,24 @@ def test_demo_makes_a_scene_one_can_go_on_with(gasp, workplace):
     assert (again.status, again.err) == (0, "")
     assert gasp("demo", "--engine", "reference-mpm", "--frames", 1).status == 0
     assert (workplace / "gasp-demo-2" / "toy.ply").exists()
+
+
+def test_a_dry_run_tells_what_it_would_take_and_keeps_nothing(gasp, workplace):
+    before = set(workplace.rglob("*"))
+    outcome = gasp("run", "scene.toml", "--dry-run", "--render", "film.mp4", "--render", "sheet.png")
+    assert (outcome.status, outcome.err) == (0, "")
+    lines = dict(line.split(maxsplit=1) for line in outcome.out.splitlines()[-8:-1])
+    assert list(lines) == ["engine", "points", "grid", "substeps", "memory", "disk", "time"]
+    assert lines["engine"] == "ballistic on cpu, float64"
+    assert lines["points"].endswith("carry 64 Gaussians")
+    assert "3 frames and the film" in lines["time"]
+    told = json.loads(gasp("run", "scene.toml", "--dry-run", "--json", "--resolution", 12).out)
+    assert (told["cells"], told["frames"], told["gaussians"]) == (12, 3, 64)
+    assert told["seconds"] > 0
+    assert set(workplace.rglob("*")) == before
+
+
+def test_a_dry_run_is_about_the_whole_run(gasp, workplace):
+    outcome = gasp("run", "scene.toml", "--dry-run", "--frames", 2)
+    assert outcome.status == 2
+    assert "leave --resume and --frames out" in outcome.err

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import itertools
 import json
 import os
 import random
@@ -253,7 +254,16 @@ def _scene(name: str) -> Any:
     """The scene that a seed of that name is of."""
     if name.startswith("version"):
         return _old_scenes().scene(int(name[len("version_")]))
-    from gasp_core import Elastic, EngineChoice, Gaussians, RecordingChoice, Reduction, Scene, SplatObject
+    from gasp_core import (
+        Elastic,
+        EngineAccuracy,
+        EngineChoice,
+        Gaussians,
+        RecordingChoice,
+        Reduction,
+        Scene,
+        SplatObject,
+    )
 
     rng = np.random.default_rng(0)
     degree = 1 if name.startswith("all") else 0
@@ -264,7 +274,10 @@ def _scene(name: str) -> Any:
         opacities=rng.uniform(0.2, 1, size=30),
         harmonics=rng.normal(size=(30, (degree + 1) ** 2, 3)).astype(np.float32),
     )
-    cores = Reduction(mode="cores", count=8) if name.startswith("cores") else Reduction()
+    reductions = {"cores": Reduction(mode="cores", count=8), "all": Reduction(mode="all")}
+    reduction = reductions.get(name.partition("_")[0])
+    if reduction is None:
+        splat, reduction = _ball(rng), Reduction(mode="volume")
     return Scene(
         duration=(FRAMES - 1) / 25,
         frame_rate=25.0,
@@ -273,11 +286,26 @@ def _scene(name: str) -> Any:
                 name="thing",
                 splat=splat,
                 material=Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3),
-                reduction=cores,
+                reduction=reduction,
             ),
         ),
         engine=EngineChoice(name="ballistic", options={"spin": 3.0}),
+        accuracy=EngineAccuracy(resolution=64 if name.startswith("all") else 5),
         recording=RecordingChoice(checkpoint_frames=2, velocities=degree > 0),
+    )
+
+
+def _ball(rng: np.random.Generator) -> Any:
+    """Round Gaussians that enclose a ball."""
+    from gasp_core import Gaussians
+
+    ways = rng.normal(size=(300, 3))
+    return Gaussians(
+        means=ways / np.linalg.norm(ways, axis=1, keepdims=True),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (300, 1)),
+        scales=np.full((300, 3), 0.12),
+        opacities=np.full(300, 0.9),
+        harmonics=np.zeros((300, 1, 3), dtype=np.float32),
     )
 
 
@@ -307,10 +335,11 @@ def _truth(name: str) -> tuple[Any, ...]:
 
 
 def recording_seeds() -> list[RecordingSeed]:
-    """Carried by cores and by all vertices, finished and cut short, and those that earlier versions wrote."""
+    """Carried in every way, finished and cut short, and those that earlier versions wrote."""
     seeds: list[RecordingSeed] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name, frames in (("cores_whole", None), ("cores_cut", 4), ("all_whole", None), ("all_cut", 4)):
+        for kind, ending in itertools.product(("cores", "all", "volume"), ("whole", "cut")):
+            name, frames = f"{kind}_{ending}", 4 if ending == "cut" else None
             path = Path(folder) / f"{name}.gasp"
             _run(_scene(name), path, frames=frames)
             parts = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}

@@ -12,8 +12,9 @@ import zipfile
 
 import numpy as np
 import pytest
+from splat_shells import SHAPES, shell
 
-from gasp_core import Recording, RecordingChoice, Reduction
+from gasp_core import EngineAccuracy, Recording, RecordingChoice, Reduction
 from gasp_core.cli.main import main
 from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import array_node, encoded, pieces, usual_chunks
@@ -132,6 +133,49 @@ def test_what_a_compiled_loop_would_take_as_it_is_is_checked(path, name, value, 
 
     rewritten(path, name, change)
     refused(path, says)
+
+
+@pytest.fixture
+def filled(kept, scene_of, run, tmp_path):
+    """A recording of a shell carried by the points that fill it, to be changed."""
+    whole = kept / "filled.gasp"
+    if not whole.exists():
+        ball = shell(SHAPES["sphere"], count=COUNT)
+        scene = scene_of(ball, duration=0.08, reduction=Reduction(mode="volume"), accuracy=EngineAccuracy(resolution=6))
+        run(scene, whole)
+    shutil.copytree(whole, tmp_path / "b.gasp")
+    return tmp_path / "b.gasp"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("order", 5000, "order names rows that there are not"),
+        ("order", -1, "order names rows that there are not"),
+        ("order", 0, "order leaves rows out"),
+        ("neighbours", 10**6, "neighbours names points that there are not"),
+        ("labels", -1, "labels names points that there are not"),
+        ("standing_for", COUNT, "standing_for names rows that there are not"),
+        ("weights", np.nan, "is not finite"),
+        ("weights", 0.75, "weights do not add up to one"),
+        ("weights", -1, "weights do not add up to one"),
+        ("points", np.inf, "is not finite"),
+        ("spacing", 0.0, "its points have no spacing"),
+        ("spacing", -1.0, "its points have no spacing"),
+    ],
+)
+def test_what_points_of_a_body_say_is_checked(filled, name, value, says):
+    values = np.array(Recording.open(filled).bodies[0].carrier.arrays()[name])
+    values.reshape(-1)[: 2 if name == "order" else 1] = value
+    forge(filled, f"bodies/0/{name}/{'c.0' if values.ndim == 1 else 'c.0.0'}", encoded(values))
+    refused(filled, says)
+
+
+def test_a_body_has_no_more_points_than_are_there(filled):
+    header = json.loads((filled / "zarr.json").read_text())
+    header["attributes"]["bodies"][0]["last"] = 2**40
+    (filled / "zarr.json").write_bytes(sealed(header))
+    refused(filled, "points")
 
 
 def test_values_that_float32_does_not_hold_are_not_finite(path):

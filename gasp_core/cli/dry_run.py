@@ -1,0 +1,89 @@
+"""``gasp run --dry-run``: what a run will take, before it is made."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gasp_core.cli.settings import Settings
+
+if TYPE_CHECKING:
+    from gasp_core.scene.model import Scene
+    from gasp_core.simulation.estimate import Estimate
+
+__all__ = ["estimated", "print_estimate"]
+
+
+def estimated(
+    scene: Scene,
+    engine: str | None,
+    settings: Settings,
+    isolate: bool,
+    trusted: bool,
+    films: tuple[Path, ...],
+    size: tuple[int, int],
+) -> Estimate:
+    """Run the first moments of a scene, and film them as all of it is to be filmed, where nobody looks."""
+    from gasp_core.processes.scratch import scratch_folder
+    from gasp_core.rendering.live import LiveFilm
+    from gasp_core.simulation.estimate import estimate_run, first_moments
+
+    with scratch_folder("gasp-dry-run-") as scratch:
+        folder = scratch / "run.gasp"
+        # A sheet is a dozen pictures, however long the run.
+        painted = [scratch / f"{number}-{path.name}" for number, path in enumerate(films) if path.suffix != ".png"]
+        film = LiveFilm(folder, first_moments(scene), painted, width=size[0], height=size[1]) if painted else None
+        with film or nullcontext():
+            return estimate_run(
+                scene,
+                folder,
+                engine,
+                device=settings.device,
+                precision=settings.precision,
+                isolate=isolate or None,
+                trust_code=trusted,
+                recorded=film.recorded if film is not None else None,
+            )
+
+
+def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
+    """Say it in a few lines, the time last."""
+    from gasp_core.contract import Fluid, Sand, Snow
+    from gasp_core.simulation.estimate import EITHER_WAY
+
+    for note in found.notes:
+        click.echo(note)
+    film = " and the film" if filmed else ""
+    flows = any(isinstance(item.material, (Fluid, Sand, Snow)) for item in scene.objects)
+    beyond = "; what flows may take several times as long" if flows else ""
+    rows = {
+        "engine": f"{found.engine} on {found.device}, {found.precision}",
+        "points": f"{found.points:,}, which carry {found.gaussians:,} Gaussians",
+        "grid": f"{found.cells} cells of {1e3 * found.spacing:.3g} mm along the largest object",
+        "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us",
+        "memory": f"{found.memory / 1e6:,.0f} MB",
+        "disk": f"{found.disk / 1e6:,.3g} MB",
+        "time": f"{_duration(found.seconds)}: {_duration(found.start_seconds)} to begin,"
+        f" {_duration(found.engine_seconds)} of substeps, {_duration(found.frame_seconds)} for {found.frames:,}"
+        f" frames{film}",
+        "": f"between {_duration(found.seconds / EITHER_WAY)} and {_duration(found.seconds * EITHER_WAY)} probably"
+        f"{beyond}",
+    }
+    width = max(map(len, rows)) + 2
+    for name, value in rows.items():
+        click.echo(f"{name:{width}}{value}")
+
+
+def _rounded(count: int) -> str:
+    """To two digits: more nobody knows."""
+    return f"{int(float(f'{count:.1e}')):,}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 99.5:
+        return f"{max(seconds, 0.1):.2g} s"
+    minutes = seconds / 60
+    return f"{minutes:.2g} min" if minutes < 99.5 else f"{minutes / 60:.2g} h"

@@ -1,0 +1,15 @@
+"""The ways in which points carry Gaussians, by the names that recordings know them by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gasp_core.reduction.all_vertices import Vertices
+from gasp_core.reduction.cores import Levels
+from gasp_core.reduction.point_frames import PointFrames
+
+__all__ = ["CARRIERS"]
+
+CARRIERS: Mapping[str, type[Vertices | Levels | PointFrames]] = {
+    kind.kind: kind for kind in (Vertices, Levels, PointFrames)
+}
