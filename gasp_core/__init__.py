@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         scene_to_toml,
     )
     from gasp_core.simulation.driver import simulate
+    from gasp_core.solid import SolidOptions
     from gasp_core.studies.comparison import Comparison, compare
 
 __all__ = [
@@ -94,6 +95,7 @@ __all__ = [
     "Scene",
     "Side",
     "Snow",
+    "SolidOptions",
     "SphereShape",
     "SplatObject",
     "Swing",
@@ -125,6 +127,7 @@ _HOMES = {
         " SplatObject Swing Wave load_scene scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
+    "gasp_core.solid": "SolidOptions",
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names.split()}
 

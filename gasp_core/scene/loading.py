@@ -40,6 +40,7 @@ from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 from gasp_core.scene.writing import MEMORY
+from gasp_core.solid.options import SolidOptions
 
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
@@ -53,7 +54,7 @@ _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "min_opacity", "region", "floaters", "vertices", "motion",
+    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
 )  # fmt: skip
 
 
@@ -245,7 +246,9 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     if table.has("rotation"):
         values["rotation"] = table.numbers("rotation", (3, 4))
     if table.has("reduction"):
-        values["reduction"] = _read_reduction(table.table("reduction"))
+        values["reduction"] = table.table("reduction").build(Reduction)
+    if table.has("solid"):
+        values["solid"] = table.table("solid").build(SolidOptions)
     if table.has("region"):
         values["region"] = _read_shape(table.table("region"))
     if table.has("vertices"):
@@ -283,10 +286,6 @@ def _shortened(text: str) -> str:
 def _read_material(table: Table) -> Material:
     kind: type[Material] = table.choice("model", MATERIALS)
     return table.build(kind, tag="model")
-
-
-def _read_reduction(table: Table) -> Reduction:
-    return table.build(Reduction)
 
 
 def _read_motion(table: Table, folder: Path | None) -> Motion:

@@ -13,6 +13,7 @@ from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.motions import FrameSequence, Motion
+from gasp_core.solid.options import SolidOptions
 
 __all__ = ["Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis"]
 
@@ -142,6 +143,8 @@ class SplatObject:
         About that centre at the start [rad/s].
     reduction
         Which points the engine is given.
+    solid
+        How the body that its Gaussians are the surface of is told from the air.
     min_opacity
         Gaussians of a lower opacity (0..1) are left out.
     region
@@ -172,6 +175,7 @@ class SplatObject:
     velocity: Vector = (0.0, 0.0, 0.0)
     angular_velocity: Vector = (0.0, 0.0, 0.0)
     reduction: Reduction = field(default_factory=Reduction)
+    solid: SolidOptions = field(default_factory=SolidOptions)
     min_opacity: float = 0.0
     region: Shape | None = None
     floaters: Floaters = Floaters.KEEP

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -123,8 +123,11 @@ def solid_behind(
     up
         The splat's own axis that is up: what its underside is does not depend on how the object is turned.
     options
-        Of the solid.
+        Of the solid, its wall in metres.
     """
+    options = options or SolidOptions()
+    if options.wall is not None:
+        options = replace(options, wall=options.wall / placement.scale)
     turn = placement.rotation @ upright(up).T
     quaternions = gaussians.quaternions
     if not np.array_equal(turn, np.eye(3)):

@@ -109,7 +109,8 @@ class PlacedObject:
 
     def solid(self) -> PlacedSolid:
         """The body that all of it that does not float is the surface of, in the world."""
-        return solid_behind(self.gaussians.select(~self.floating), self.placement, up_axis(self.item))
+        kept = self.gaussians.select(~self.floating)
+        return solid_behind(kept, self.placement, up_axis(self.item), self.item.solid)
 
 
 def place_object(item: SplatObject, gaussians: Gaussians) -> PlacedObject:

@@ -21,6 +21,7 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import motion_table, scene_to_toml
 from gasp_core.simulation.engine_choice import ChosenEngine, distribution_version
 from gasp_core.simulation.initial_overlap import starts_inside
+from gasp_core.simulation.oddities import oddities
 from gasp_core.simulation.splat_sources import Prepared
 
 __all__ = ["header_of"]
@@ -57,6 +58,7 @@ def header_of(
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
+    notes += oddities(prepared.objects, assembly.problem)
     inside = starts_inside(assembly.problem, assembly.spacing)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(

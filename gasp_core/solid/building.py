@@ -121,6 +121,8 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
     underside = "closed" if solid.doubts.underside_closed else "open"
     likewise = dataclasses.replace(options, underside=underside)
     coarse, _ = _built(surfels, _COARSER * detail, max(_COARSER * detail, spacing), likewise)
+    if options.wall is not None:
+        solid, coarse = solid.hollowed(options.wall), coarse.hollowed(options.wall)
     doubts = dataclasses.replace(
         solid.doubts,
         coarse_volume=coarse.volume,

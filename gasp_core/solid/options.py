@@ -31,7 +31,10 @@ class SolidOptions:
         it. "auto": closed where the body is dark inside but for what comes in from below.
     interior
         "auto": filled where no light comes to, by `holes`. "filled": cups and other hollows are filled to the brim as
-        well.
+        well. "hollow": as "auto", but a shell of `wall`.
+    wall
+        Thickness of that shell; in the unit of the Gaussians, in a scene [m]. What is thinner than two details of the
+        solid has no exact volume.
 
     Raises
     ------
@@ -43,7 +46,8 @@ class SolidOptions:
     opacity_gain: float = 2.5
     holes: float = 0.3
     underside: Literal["auto", "closed", "open"] = "auto"
-    interior: Literal["auto", "filled"] = "auto"
+    interior: Literal["auto", "filled", "hollow"] = "auto"
+    wall: float | None = None
 
     def __post_init__(self) -> None:
         if self.cells is not None:
@@ -52,7 +56,11 @@ class SolidOptions:
             finite(self, "cells", low=8, high=256)
         finite(self, "opacity_gain", low=0.1, high=100.0)
         finite(self, "holes", low=0.0, high=1.0)
-        for name, known in (("underside", ("auto", "closed", "open")), ("interior", ("auto", "filled"))):
+        for name, known in (("underside", ("auto", "closed", "open")), ("interior", ("auto", "filled", "hollow"))):
             if getattr(self, name) not in known:
                 words = ", ".join(f'"{word}"' for word in known)
                 raise SceneError(f"SolidOptions.{name} must be one of {words}, found {getattr(self, name)!r}")
+        if (self.interior == "hollow") != (self.wall is not None):
+            raise SceneError('SolidOptions.wall belongs to interior = "hollow": give both, or none')
+        if self.wall is not None:
+            finite(self, "wall", low=0.0, open_low=True)

@@ -15,6 +15,7 @@ from gasp_core.reduction.assembly import assemble, moved_simplices
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.volume import fill
 from gasp_core.scene.selection import place_object
+from gasp_core.solid import SolidOptions
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 VOLUME = Reduction(mode="volume")
@@ -159,6 +160,24 @@ def test_only_the_region_is_filled():
     problem = assembled(splat, region=region).problem
     assert problem.points.reference_positions[:, 2].min() >= 0.5
     assert problem.points.reference_volumes.sum() == pytest.approx(0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("resolution", [24, 48])
+def test_a_hollow_body_has_the_mass_of_its_wall(resolution):
+    splat = shell(SHAPES["sphere"])
+    hollow = SolidOptions(interior="hollow", wall=0.2)
+    points = assembled(splat, resolution, height=2.0, solid=hollow).problem.points
+    # The wall is six details thick; each of its two sides is known to some hundredths of one.
+    assert points.reference_volumes.sum() == pytest.approx(4 / 3 * np.pi * (1 - 0.8**3), rel=0.03)
+    middle = points.reference_positions.mean(axis=0)
+    depths = 1 - np.linalg.norm(points.reference_positions - middle, axis=1)
+    assert depths.min() > -0.05 and depths.max() < 0.25
+
+
+@pytest.mark.parametrize("options", [{"interior": "hollow"}, {"wall": 0.1}, {"interior": "filled", "wall": 0.1}])
+def test_a_wall_and_a_hollow_belong_together(options):
+    with pytest.raises(SceneError, match='wall belongs to interior = "hollow"'):
+        SolidOptions(**options)
 
 
 def test_what_encloses_nothing_is_refused_by_name():

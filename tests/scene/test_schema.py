@@ -34,6 +34,7 @@ from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import Table
 from gasp_core.scene.writing import scene_to_toml
+from gasp_core.solid import SolidOptions
 
 KEPT = Path(__file__).parent / "schema.json"
 
@@ -43,7 +44,7 @@ def numbered(text, number):
 
 
 SCENE_CLASSES = (
-    Scene, SplatObject, Reduction, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
+    Scene, SplatObject, Reduction, SolidOptions, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
     HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),
 )  # fmt: skip
