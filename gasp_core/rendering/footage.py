@@ -15,6 +15,7 @@ from gasp_core.io import read_splat
 from gasp_core.recording import Recording
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.objects import SplatObject, UpAxis
+from gasp_core.scene.placed_solid import PlacedSolid
 from gasp_core.scene.placement import Placement
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.settings import CameraChoice
@@ -136,6 +137,10 @@ class Still:
     def positions(self, frame: int) -> Array:
         """Means of what does not float apart from the rest."""
         return self._placed.gaussians.means[~self._placed.floating]
+
+    def solid(self) -> PlacedSolid:
+        """The body that the splat is the surface of."""
+        return self._placed.solid()
 
     def placement(self, name: str | None) -> Placement:
         """How the file was stood upright."""

@@ -101,6 +101,13 @@ class PlacedSolid:
         inside = np.argwhere(self.solid.distance < 0)
         return self.to_world(self.solid.grid.origin + self.solid.grid.spacing * inside)
 
+    def surface_positions(self) -> Array:
+        """Places on its surface and on its sheets, about a spacing apart, (N, 3) [m]."""
+        depths = -self.scale * self.solid.distance[self.solid.distance < 0].astype(np.float64)
+        outermost = depths < self.spacing
+        nodes = self.nodes_inside()[outermost]
+        return np.concatenate([nodes + depths[outermost, None] * self.gradient_at(nodes), self.sheet_positions()])
+
     def sheet_positions(self) -> Array:
         """The pieces of sheets, (S, 3) [m]."""
         return self.to_world(self.solid.sheets.positions)

@@ -25,6 +25,7 @@ Examples:
   gasp view plant.gasp                    a run, even while it is still going
   gasp view plant.splat                   a splat file, y down as 3DGS writes them
   gasp view scan.ply --up +z              one that is z up
+  gasp view plant.splat --layer solid     the body that GASP finds in it
   gasp view plant.gasp --layer points --colour speed
   gasp view plant.gasp --host 0.0.0.0     for every browser in this network
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.rendering.footage import Footage, RecordedFootage
+from gasp_core.rendering.footage import Footage, RecordedFootage, Still
 from gasp_viewer.colouring import Elements
 from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import SIZE, Stage
@@ -21,7 +22,7 @@ from gasp_viewer.faces import PackedFaces, pack_faces, simplex_faces
 from gasp_viewer.packing import PackedSplats, pack_splats
 
 __all__ = ["FACE_LIMIT", "LAYERS", "POINT_LIMIT", "Faces", "GaussianLayer", "Layer", "Packed", "PackedPoints"]
-__all__ += ["Points", "layers_of", "thinned"]
+__all__ += ["Points", "SolidLayer", "layers_of", "thinned"]
 
 Array = NDArray[Any]
 
@@ -30,7 +31,7 @@ POINT_LIMIT = 60_000
 FACE_LIMIT = 24_000
 """Triangles shown at most. Each is two copies, and viser handles up to 50,000 copies without a search tree of them."""
 
-LAYERS = {"gaussians": "Gaussians", "triangles": "triangles", "points": "engine points"}
+LAYERS = {"gaussians": "Gaussians", "triangles": "triangles", "points": "engine points", "solid": "the body inside"}
 """Layers by the name the command line knows, and what the page calls them."""
 
 
@@ -141,6 +142,50 @@ class Points:
         )
 
 
+class SolidLayer:
+    """The surface of the body behind a splat file, as dots of the nearest colours; found when it is asked for."""
+
+    def __init__(self, footage: Still, stage: Stage) -> None:
+        self._footage = footage
+        self._stage = stage
+
+    @cached_property
+    def _points(self) -> Points:
+        from scipy.spatial import KDTree
+
+        solid = self._footage.solid()
+        places = solid.surface_positions()
+        if not len(places):
+            # Where nothing is enclosed there is nothing to see but that.
+            places = self._footage.splats(0).means[:1]
+        chosen = thinned(len(places), POINT_LIMIT)
+        tree: Any = KDTree(self._footage.splats(0).means)
+        owners = np.asarray(tree.query(places[chosen])[1])
+        inside = f"{solid.volume:.3g} inside, in units of the file" if solid.volume else "nothing is inside"
+        return Points(
+            elements=Elements(gaussians=owners, points=np.full(len(chosen), -1)),
+            stage=self._stage,
+            chosen=chosen,
+            read=lambda moment: places,
+            size=float(np.clip(solid.spacing * self._stage.unit, SIZE / 500, SIZE / 100)),
+            note="; ".join(filter(None, [inside, _thinning(len(chosen), len(places), "points")])),
+        )
+
+    @property
+    def elements(self) -> Elements:
+        """Dots on its surface."""
+        return self._points.elements
+
+    @property
+    def note(self) -> str:
+        """Its volume."""
+        return self._points.note
+
+    def pack(self, moment: Moment, colours: Array) -> PackedPoints:
+        """All of them: the file has one frame."""
+        return self._points.pack(moment, colours)
+
+
 def layers_of(footage: Footage, stage: Stage, frame: int = 0) -> dict[str, Layer]:
     """The layers a footage has, by name, the first to be shown first; learnt from a frame that is not damaged."""
     start = Moment(footage, frame)
@@ -149,6 +194,8 @@ def layers_of(footage: Footage, stage: Stage, frame: int = 0) -> dict[str, Layer
     layers["triangles"] = _faces(footage, start, drawn, stage)
     if isinstance(footage, RecordedFootage):
         layers["points"] = _engine_points(footage, stage)
+    elif isinstance(footage, Still):
+        layers["solid"] = SolidLayer(footage, stage)
     return layers
 
 

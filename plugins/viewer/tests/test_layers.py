@@ -6,6 +6,7 @@ from gasp_viewer.display_units import SIZE, Stage, shown_motion
 from gasp_viewer.faces import PackedFaces
 from gasp_viewer.layers import LAYERS, PackedPoints, layers_of, thinned
 from gasp_viewer.packing import PackedSplats
+from splat_shells import SHAPES, shell
 
 from gasp_core.io import write_splat
 from gasp_core.rendering.footage import open_footage
@@ -24,13 +25,39 @@ def colours_for(layer):
 
 
 def test_a_run_has_gaussians_triangles_and_points(toy_footage, stage):
-    assert list(layers_of(toy_footage, stage)) == ["gaussians", "triangles", "points"] == list(LAYERS)
+    assert list(layers_of(toy_footage, stage)) == ["gaussians", "triangles", "points"]
 
 
-def test_a_file_has_no_points(tmp_path, toy):
+def test_a_file_has_a_body_and_no_points(tmp_path, toy):
     write_splat(tmp_path / "toy.ply", toy)
     footage = open_footage(tmp_path / "toy.ply", "+z")
-    assert list(layers_of(footage, Stage.of(shown_motion(footage, 0)))) == ["gaussians", "triangles"]
+    assert list(layers_of(footage, Stage.of(shown_motion(footage, 0)))) == ["gaussians", "triangles", "solid"]
+    assert set(LAYERS) == {"gaussians", "triangles", "points", "solid"}
+
+
+def test_the_body_of_a_file_is_dots_on_its_surface(tmp_path):
+    ball = shell(SHAPES["sphere"], count=3_000)
+    write_splat(tmp_path / "ball.ply", ball)
+    footage = open_footage(tmp_path / "ball.ply", "+z")
+    stage = Stage.of(shown_motion(footage, 0))
+    layer = layers_of(footage, stage)["solid"]
+    packed = layer.pack(Moment(footage, 0), colours_for(layer))
+    assert isinstance(packed, PackedPoints)
+    distances = SHAPES["sphere"].distance(stage.world(packed.points))
+    # A node is moved along a slope of the distance that is its own.
+    assert np.abs(distances).max() < 0.02
+    assert np.ptp(stage.world(packed.points), axis=0) == pytest.approx(1.0, abs=0.05)
+    assert layer.note.startswith("0.52")
+    nearest = ball.means[layer.elements.gaussians]
+    assert np.linalg.norm(nearest - stage.world(packed.points), axis=1).max() < 0.15
+
+
+def test_a_file_without_a_body_says_so(tmp_path, toy):
+    write_splat(tmp_path / "faint.ply", toy.with_(opacities=np.full(len(toy), 0.01)))
+    footage = open_footage(tmp_path / "faint.ply", "+z")
+    layer = layers_of(footage, Stage.of(shown_motion(footage, 0)))["solid"]
+    assert len(layer.pack(Moment(footage, 0), colours_for(layer)).points) == 1
+    assert layer.note == "nothing is inside"
 
 
 def test_every_gaussian_goes_with_the_point_at_its_mean(toy_footage, stage):
