@@ -192,7 +192,8 @@ def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
     if not len(sheets.areas):
         return np.zeros((0, 3)), np.zeros(0)
     positions = solid.to_world(sheets.positions)
-    cubes = np.floor(positions / (_SHEET * spacing)).astype(np.int64)
+    # In the frame of the solid: wherever the object is put, the same pieces are one.
+    cubes = np.floor(sheets.positions * (solid.scale / (_SHEET * spacing))).astype(np.int64)
     _, labels = np.unique(cubes, axis=0, return_inverse=True)
     weights = sheets.volumes * solid.scale**3
     volumes, means, covariances = scatter(positions, labels.reshape(-1), weights)
