@@ -30,6 +30,7 @@ def a_run(folder):
         height=0.3,
         position=(0, 0, 0.15),
         material=gasp.Elastic(density=200, youngs_modulus=4e4, poissons_ratio=0.3),
+        reduction=gasp.Reduction(mode="all"),
     )
     floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
     accuracy = gasp.EngineAccuracy(resolution=16)

@@ -53,6 +53,7 @@ up = "+z"
 height = 0.3
 position = [0, 0, 0.05]
 material = {{ model = "elastic", density = 300, youngs_modulus = 5e4, poissons_ratio = 0.3 }}
+reduction = {{ mode = "all" }}
 %s
 [[collider]]
 shape = "plane"

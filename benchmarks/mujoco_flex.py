@@ -158,6 +158,7 @@ def statue(name):
         material=Rigid(density=2000),
         floaters=gasp.Floaters("drop"),
         vertices=3,
+        reduction=gasp.Reduction(mode="all"),
     )
     scene = gasp.Scene(duration=1.0, frame_rate=25, objects=(thing,), colliders=(FLOOR,))
     assembly = prepare(scene).assembly

@@ -31,6 +31,7 @@ def plant_scene(arguments):
         material=gasp.Elastic(density=400, youngs_modulus=arguments.youngs_modulus, poissons_ratio=0.3),
         floaters=gasp.Floaters(arguments.floaters),
         vertices=3,
+        reduction=gasp.Reduction(mode="all"),
     )
     floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
     return gasp.Scene(

@@ -137,11 +137,11 @@ def share_of_a_run(engine: str | None, count: int) -> None:
     import cProfile
     import pstats
 
-    from gasp_core import Elastic, EngineAccuracy, EngineChoice, Scene, SplatObject, simulate
+    from gasp_core import Elastic, EngineAccuracy, EngineChoice, Reduction, Scene, SplatObject, simulate
     from gasp_core.toy import make_toy
 
     jelly = Elastic(density=300, youngs_modulus=5e4, poissons_ratio=0.3)
-    toy = SplatObject(name="toy", splat=make_toy(count), material=jelly, height=0.3)
+    toy = SplatObject(name="toy", splat=make_toy(count), material=jelly, height=0.3, reduction=Reduction(mode="all"))
     scene = Scene(
         duration=0.4,
         frame_rate=25.0,

@@ -1,6 +1,7 @@
-"""Time to carry many vertices by their cores, a frame: least squares over 8 neighbours, and one core's frame.
+"""Time to carry many vertices, a frame: by cores, least squares over 8 neighbours, or one core's frame; by the points
+that fill a ball.
 
-    python benchmarks/transfer_speed.py [--vertices 3000000] [--fraction 0.05] [--threads 2] [--repeats 20]
+    python benchmarks/transfer_speed.py [--vertices 3000000] [--fraction 0.05] [--cells 32] [--threads 2] [--repeats 20]
 
 Gaussians on a shell, in random order (as in a trained .ply) and along a Morton curve (as packed formats have them): in
 random order the loop waits for the cores it reads. Wall time and the processors' time (of all threads; on a machine
@@ -16,6 +17,7 @@ from scipy.spatial import KDTree
 
 from gasp_core import Gaussians
 from gasp_core.games import magnify, to_simplices
+from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame
 
 
@@ -55,6 +57,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vertices", type=int, default=3_000_000)
     parser.add_argument("--fraction", type=float, default=0.05)
+    parser.add_argument("--cells", type=int, default=32, help="Along the ball that is filled.")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=20)
     arguments = parser.parse_args()
@@ -79,6 +82,24 @@ def main():
             for transfer in (fit, frame):
                 wall, cpu = median_times(lambda: transfer.carry(cores, rest, displacements), arguments.repeats)  # noqa: B023
                 print(f"  {transfer.kind:<14} {wall:6.1f} ms a frame, {cpu:6.1f} ms of processor time")
+            filled(gaussians, rest, arguments)
+
+
+def filled(gaussians, rest, arguments):
+    """The same vertices, carried by points two to a cell."""
+    step = 1 / arguments.cells
+    axis = np.arange(-1 + step / 2, 1, step)
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = points[np.linalg.norm(points, axis=1) < 1]
+    wall, cpu = time.perf_counter(), time.process_time()
+    distances, _ = PointFrames.candidates(points)
+    carrier = PointFrames.build(points, step, gaussians.means, gaussians.means, np.zeros(distances.shape, dtype=bool))
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    kept = sum(array.nbytes for array in carrier.arrays().values()) / len(gaussians)
+    print(f"  {len(points):,} points: built in {wall:.1f} s, {cpu:.1f} s of processor time, {kept:.0f} bytes a simplex")
+    displacements = 0.1 * np.sin(points)
+    wall, cpu = median_times(lambda: carrier.carry(rest, displacements), arguments.repeats)
+    print(f"  {carrier.kind:<14} {wall:6.1f} ms a frame, {cpu:6.1f} ms of processor time")
 
 
 if __name__ == "__main__":
