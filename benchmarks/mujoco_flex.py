@@ -160,7 +160,8 @@ def statue(name):
         vertices=3,
         reduction=gasp.Reduction(mode="all"),
     )
-    scene = gasp.Scene(duration=1.0, frame_rate=25, objects=(thing,), colliders=(FLOOR,))
+    accuracy = gasp.EngineAccuracy(resolution=64)
+    scene = gasp.Scene(duration=1.0, frame_rate=25, objects=(thing,), colliders=(FLOOR,), accuracy=accuracy)
     assembly = prepare(scene).assembly
     points = assembly.problem.points
     start = time.perf_counter()
