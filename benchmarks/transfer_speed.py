@@ -85,6 +85,10 @@ def main():
             filled(gaussians, rest, arguments)
 
 
+def nowhere_open(rows, others):
+    return np.zeros(len(rows), dtype=bool)
+
+
 def filled(gaussians, rest, arguments):
     """The same vertices, carried by points two to a cell."""
     step = 1 / arguments.cells
@@ -92,8 +96,7 @@ def filled(gaussians, rest, arguments):
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     points = points[np.linalg.norm(points, axis=1) < 1]
     wall, cpu = time.perf_counter(), time.process_time()
-    distances, _ = PointFrames.candidates(points)
-    carrier = PointFrames.build(points, step, gaussians.means, gaussians.means, np.zeros(distances.shape, dtype=bool))
+    carrier = PointFrames.build(points, step, gaussians.means, gaussians.means, nowhere_open)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     kept = sum(array.nbytes for array in carrier.arrays().values()) / len(gaussians)
     print(f"  {len(points):,} points: built in {wall:.1f} s, {cpu:.1f} s of processor time, {kept:.0f} bytes a simplex")

@@ -4,18 +4,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
+from gasp_core.reduction.prefetch import bring_to_read, bring_to_write
 from gasp_core.simplex_frames import flat_order
 
 _float = numba.float64
-_function = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 _parallel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, parallel=True)
 
 NEIGHBOURS = 8
@@ -24,48 +19,7 @@ COLUMNS = 16
 """Of the table of cores in `carry_affinely`: two cache lines a row, for the loop waits for memory."""
 _TAKEN = 64
 """Rows at a time, which stay in the first cache."""
-_LINE = 64
-"""Bytes that memory is read in."""
 _TINY = float(np.finfo(np.float64).tiny)
-
-
-def _prefetch(write: int) -> Any:
-    """A compiled function of an address that has its cache line brought, to be read (0) or written (1).
-
-    Processors that know no such thing do nothing; https://llvm.org/docs/LangRef.html#llvm-prefetch-intrinsic.
-    """
-
-    @intrinsic
-    def prefetch(typing, address):
-        def generate(context, builder, signature, arguments):
-            number, byte = ir.IntType(32), ir.IntType(8).as_pointer()
-            kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
-            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-            # Kept in all caches (3), data (1).
-            options = [ir.Constant(number, value) for value in (write, 3, 1)]
-            builder.call(function, [builder.inttoptr(arguments[0], byte), *options])
-            return context.get_dummy_value()
-
-        return types.void(types.intp), generate
-
-    return prefetch
-
-
-_prefetch_read, _prefetch_write = _prefetch(0), _prefetch(1)
-
-
-@_function
-def _bring_to_read(address, size):
-    for offset in range(0, size, _LINE):
-        _prefetch_read(address + offset)
-    _prefetch_read(address + size - 1)
-
-
-@_function
-def _bring_to_write(address, size):
-    for offset in range(0, size, _LINE):
-        _prefetch_write(address + offset)
-    _prefetch_write(address + size - 1)
 
 
 @_parallel
@@ -109,8 +63,8 @@ def carry_affinely(rest, cores, order, neighbours, weights, inverses, out, chunk
             for place in range(len(rows)):
                 index = first + place
                 if place < len(ahead):
-                    _bring_to_read(rest.ctypes.data + ahead[place] * size, size)
-                _bring_to_write(out.ctypes.data + rows[place] * size, size)
+                    bring_to_read(rest.ctypes.data + ahead[place] * size, size)
+                bring_to_write(out.ctypes.data + rows[place] * size, size)
                 sums[:] = 0.0
                 # Eight at a time, written out: what is summed then stays in registers, half the time of a loop.
                 own, near = weights[index], neighbours[index]

@@ -7,8 +7,8 @@ count. A Gaussian follows the maps of the point it belongs to and of that one's 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -56,9 +56,11 @@ class PointFrames:
     weights : (N, F) float32
         Of sum 1, or all 0 where it is too far off for a gradient.
     standing_for : (P,) int32
-        The Gaussian nearest to each point.
+        The Gaussian nearest to each point, by way of matter.
     spacing
         Mean distance of points [m].
+    followed : (Q,) int64
+        The points that any Gaussian follows, which follows from `labels`.
     """
 
     kind: ClassVar[str] = "volume"
@@ -69,9 +71,22 @@ class PointFrames:
     weights: Array
     standing_for: Array
     spacing: float
+    followed: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        any_follows = np.zeros(len(self.points), dtype=bool)
+        any_follows[self.labels.reshape(-1)] = True
+        object.__setattr__(self, "followed", np.flatnonzero(any_follows))
 
     @classmethod
-    def build(cls, points: Array, spacing: float, means: Array, feet: Array, across: Array) -> PointFrames:
+    def build(
+        cls,
+        points: Array,
+        spacing: float,
+        means: Array,
+        feet: Array,
+        open_between: Callable[[Array, Array], Array],
+    ) -> PointFrames:
         """The operator for Gaussians with means (N, 3) [m], about the centre of the body.
 
         Parameters
@@ -82,42 +97,22 @@ class PointFrames:
         means : (N, 3) [m]
         feet : (N, 3) [m]
             Where in the body the matter is that each Gaussian follows: itself, or below the surface that it lies on.
-        across : (P, C) bool
-            Whether what is between a point and its C nearest others, `candidates`, was open at rest.
+        open_between
+            Whether it was open at rest between the points of these rows (M,) and of those (M,).
         """
         tree = _tree(points)
-        distances, nearest = cls.candidates(points, tree)
-        connected = (distances <= _CONNECTED * spacing) & ~across
-        chosen = np.argsort(~connected, axis=1, kind="stable")[:, :NEIGHBOURS]
-        own = np.arange(len(points))[:, None]
-        neighbours = np.where(
-            np.take_along_axis(connected, chosen, axis=1), np.take_along_axis(nearest, chosen, axis=1), own
-        ).astype(np.int32)
+        neighbours = _connected(points, tree, spacing, open_between)
         order = along_a_curve(means)
-        labels, weights = _followed(points, neighbours, feet[order], tree, spacing)
+        labels, weights, lengths = _followed(points, neighbours, feet[order], tree, spacing)
         return cls(
             points=points,
             neighbours=neighbours,
             order=order,
             labels=labels,
             weights=weights,
-            standing_for=_tree(means).query(points, workers=processors())[1].astype(np.int32),
+            standing_for=order[_nearest_followers(points, neighbours, labels[:, 0], lengths)].astype(np.int32),
             spacing=spacing,
         )
-
-    @classmethod
-    def candidates(cls, points: Array, tree: Any = None) -> tuple[Array, Array]:
-        """Distances (P, C) [m] and rows (P, C) of the nearest others of each point; fewer than 24 of few points."""
-        count = min(_CANDIDATES, len(points) - 1)
-        if count == 0:
-            return np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64)
-        found = (tree or _tree(points)).query(points, k=[*range(1, count + 2)], workers=processors())
-        distances, nearest = found
-        # Of coincident points any may come first.
-        itself = nearest == np.arange(len(points))[:, None]
-        itself[~itself.any(axis=1), -1] = True
-        shape = (len(points), count)
-        return distances[~itself].reshape(shape), nearest[~itself].reshape(shape)
 
     @classmethod
     def of(cls, arrays: Mapping[str, Array]) -> PointFrames:
@@ -131,7 +126,14 @@ class PointFrames:
         table = np.empty((len(self.points), point_kernels.COLUMNS))
         reach = _CONNECTED * self.spacing * 1.05
         point_kernels.affine_maps(
-            self.points, moved, self.neighbours, reach, _TORN, table, linalg3.chunk_count(len(self.points))
+            self.points,
+            moved,
+            self.followed,
+            self.neighbours,
+            reach,
+            _TORN,
+            table,
+            linalg3.chunk_count(len(self.followed)),
         )
         rest = np.ascontiguousarray(rest)
         start = rest if drifted is None else np.ascontiguousarray(drifted)
@@ -212,19 +214,62 @@ def _tree(points: Array) -> Any:
     return KDTree(points)
 
 
-def _followed(points: Array, neighbours: Array, feet: Array, tree: Any, spacing: float) -> tuple[Array, Array]:
-    """Points that each Gaussian follows, (N, F), its own first, and how much, (N, F)."""
+def _connected(
+    points: Array, tree: Any, spacing: float, open_between: Callable[[Array, Array], Array]
+) -> NDArray[np.int32]:
+    """Points that each is connected to, (P, K), the nearest first; itself where there are fewer."""
+    own = np.arange(len(points))[:, None]
+    count = min(_CANDIDATES, len(points) - 1)
+    distances, nearest = tree.query(points, k=[*range(1, count + 2)], workers=processors())
+    # Of coincident points any may come first.
+    itself = nearest == own
+    itself[~itself.any(axis=1), -1] = True
+    distances, nearest = (found[~itself].reshape(len(points), count) for found in (distances, nearest))
+    connected = distances <= _CONNECTED * spacing
+    for column in range(count):
+        rows = np.flatnonzero(connected[:, column])
+        connected[rows, column] = ~open_between(rows, nearest[rows, column])
+    chosen = np.argsort(~connected, axis=1, kind="stable")[:, :NEIGHBOURS]
+    found = np.where(np.take_along_axis(connected, chosen, axis=1), np.take_along_axis(nearest, chosen, axis=1), own)
+    return found.astype(np.int32)
+
+
+def _followed(points: Array, neighbours: Array, feet: Array, tree: Any, spacing: float) -> tuple[Array, Array, Array]:
+    """Points that each Gaussian follows, (N, F), its own first, how much, (N, F), and how far its own is, (N,) [m]."""
     distances, own = tree.query(feet, workers=processors())
-    near = neighbours[own]
-    ways = np.linalg.norm(points[near] - feet[:, None], axis=2)
-    ways[near == own[:, None]] = np.inf
-    nearest = np.argsort(ways, axis=1, kind="stable")[:, : FOLLOWED - 1]
-    labels = np.concatenate([own[:, None], np.take_along_axis(near, nearest, axis=1)], axis=1).astype(np.int32)
-    lengths = np.concatenate([distances[:, None], np.take_along_axis(ways, nearest, axis=1)], axis=1)
+    labels = np.empty((len(feet), min(FOLLOWED, 1 + neighbours.shape[1])), dtype=np.int32)
+    lengths = np.empty(labels.shape)
+    labels[:, 0], lengths[:, 0] = own, distances
+    point_kernels.follow(points, neighbours, feet, labels, lengths, linalg3.chunk_count(len(feet)))
     # Those at the reach count nothing: none comes or goes with a jerk from one Gaussian to the next.
     reach = 1.5 * spacing + lengths[:, :1]
-    weights = np.maximum(1 - (lengths / reach) ** 2, 0.0) ** 2
-    weights = np.where(np.isfinite(lengths), weights, 0.0)
+    weights = np.maximum(1 - (np.minimum(lengths, reach) / reach) ** 2, 0.0) ** 2
     weights /= weights.sum(axis=1, keepdims=True)
     weights[distances > _FAR * spacing] = 0.0
-    return labels, weights.astype(np.float32)
+    return labels, weights.astype(np.float32), distances
+
+
+def _nearest_followers(points: Array, neighbours: Array, own: Array, lengths: Array) -> Array:
+    """For each point one of the Gaussians (N,) whose own point it is, the nearest; for one that has none that of the
+    nearest point which has.
+
+    The way to it goes through matter: a search in space for what is nearest to the middle of a body would look at all
+    of its surface.
+    """
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
+    rows = np.lexsort((lengths, own))
+    leading, first = np.unique(own[rows], return_index=True)
+    nearest = np.full(len(points), -1)
+    nearest[leading] = rows[first]
+    starts, ends = np.repeat(np.arange(len(points)), neighbours.shape[1]), neighbours.reshape(-1)
+    # A way of no length, between coincident points, would be none.
+    ways = np.maximum(np.linalg.norm(points[ends] - points[starts], axis=1), np.finfo(np.float64).tiny)
+    links = sparse.coo_array((ways, (starts, ends)), shape=(len(points), len(points))).tocsr()
+    links = links.maximum(links.T)
+    _, _, sources = csgraph.dijkstra(links, indices=leading, min_only=True, return_predecessors=True)
+    apart = np.flatnonzero(sources < 0)
+    if len(apart):
+        sources[apart] = leading[_tree(points[leading]).query(points[apart], workers=processors())[1]]
+    return nearest[sources]

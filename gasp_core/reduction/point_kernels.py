@@ -7,25 +7,29 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from gasp_core.reduction.prefetch import bring_to_read, bring_to_write
+
 _parallel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, parallel=True)
 
 COLUMNS = 12
 """Of the table of affine maps: b, then G row by row."""
+_BATCH = 64
+"""Simplices at a time, whose vertices stay in the nearest cache."""
 THIN = 1e-4
 """Least determinant of second moments, of those of as wide a ball: thinner neighbourhoods tell no gradient."""
 
 
 @_parallel
-def affine_maps(points, displacements, neighbours, reach, torn, table, chunks):
-    """For each point the affine fit y -> y + b + G y to its own displacement and its neighbours', in `table`.
+def affine_maps(points, displacements, rows, neighbours, reach, torn, table, chunks):
+    """For each point of `rows` the affine fit y -> y + b + G y to its own displacement and its neighbours', in `table`.
 
     A neighbour that is more than `torn` times as far as at rest has been torn off and does not count; one that is the
     point itself stands for none. Weights go as (1 - (r / reach)^2)^2.
     """
-    count, most = neighbours.shape
+    count, most = len(rows), neighbours.shape[1]
     for chunk in numba.prange(chunks):
         moments, products, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-        for p in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+        for p in rows[chunk * count // chunks : (chunk + 1) * count // chunks]:
             total = 1.0
             c0 = c1 = c2 = s0 = s1 = s2 = 0.0
             moments[:], products[:] = 0.0, 0.0
@@ -110,51 +114,115 @@ def affine_maps(points, displacements, neighbours, reach, torn, table, chunks):
 
 
 @_parallel
+def follow(points, neighbours, places, labels, lengths, chunks):
+    """To each own point, `labels[:, 0]`, of places (N, 3) the nearest of that one's neighbours, in `labels` (N, F), and
+    how far they are, in `lengths`; infinity where there are fewer."""
+    count, most = labels.shape
+    for chunk in numba.prange(chunks):
+        for n in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+            own = labels[n, 0]
+            labels[n, 1:] = own
+            lengths[n, 1:] = np.inf
+            for neighbour in neighbours[own]:
+                if neighbour == own:
+                    continue
+                x = points[neighbour, 0] - places[n, 0]
+                y = points[neighbour, 1] - places[n, 1]
+                z = points[neighbour, 2] - places[n, 2]
+                length = np.sqrt(x * x + y * y + z * z)
+                k = most
+                while k > 1 and length < lengths[n, k - 1]:
+                    k -= 1
+                    if k + 1 < most:
+                        labels[n, k + 1], lengths[n, k + 1] = labels[n, k], lengths[n, k]
+                if k < most:
+                    labels[n, k], lengths[n, k] = neighbour, length
+
+
+@_parallel
 def carry_by_points(rest, start, points, table, order, labels, weights, apart, out, chunks):
     """out = start + the mean of the affine maps of the points that each simplex (N, V, 3) follows.
 
     The first of `labels` (N, K), which are of the simplices in this `order`, is the own one; another counts by its
     weight unless it would take the first vertex of `rest` elsewhere by more than `apart`: it is of another piece then.
-    A row without any weight is too far off for a gradient: it moves as its own point does.
+    One whose own has no weight is too far off for a gradient: it moves as its own point does.
     """
     count, most = labels.shape
     vertices = rest.shape[1]
+    limit = apart * apart
+    width = 3 * vertices * rest.itemsize
+    moved_on = start.ctypes.data != rest.ctypes.data
     for chunk in numba.prange(chunks):
-        sums = np.empty(COLUMNS)
-        for index in range(chunk * count // chunks, (chunk + 1) * count // chunks):
-            n = order[index]
-            own = table[labels[index, 0]]
-            x, y, z = rest[n, 0, 0], rest[n, 0, 1], rest[n, 0, 2]
-            m0 = own[0] + own[3] * x + own[4] * y + own[5] * z
-            m1 = own[1] + own[6] * x + own[7] * y + own[8] * z
-            m2 = own[2] + own[9] * x + own[10] * y + own[11] * z
-            total = 0.0
-            sums[:] = 0.0
-            for k in range(most):
-                weight = weights[index, k]
-                if weight <= 0.0:
-                    continue
-                other = table[labels[index, k]]
-                if k > 0:
-                    d0 = other[0] + other[3] * x + other[4] * y + other[5] * z - m0
-                    d1 = other[1] + other[6] * x + other[7] * y + other[8] * z - m1
-                    d2 = other[2] + other[9] * x + other[10] * y + other[11] * z - m2
-                    if d0 * d0 + d1 * d1 + d2 * d2 > apart * apart:
-                        continue
-                total += weight
-                for j in range(COLUMNS):
-                    sums[j] += weight * other[j]
-            if total > 0.0:
-                share = 1.0 / total
-                for j in range(COLUMNS):
-                    sums[j] *= share
-            else:
-                p = labels[index, 0]
-                x, y, z = points[p, 0], points[p, 1], points[p, 2]
-                for i in range(3):
-                    sums[i] = own[i] + own[3 + 3 * i] * x + own[4 + 3 * i] * y + own[5 + 3 * i] * z
-            for vertex in range(vertices):
-                x, y, z = start[n, vertex, 0], start[n, vertex, 1], start[n, vertex, 2]
-                out[n, vertex, 0] = x + (sums[0] + sums[3] * x + sums[4] * y + sums[5] * z)
-                out[n, vertex, 1] = y + (sums[1] + sums[6] * x + sums[7] * y + sums[8] * z)
-                out[n, vertex, 2] = z + (sums[2] + sums[9] * x + sums[10] * y + sums[11] * z)
+        begin, end = chunk * count // chunks, (chunk + 1) * count // chunks
+        # Rows lie anywhere: while some are worked on, the memory of the next is brought.
+        first, moved = np.empty((_BATCH, 3)), np.empty((_BATCH, vertices, 3))
+        for batch in range(begin, end, _BATCH):
+            size = min(_BATCH, end - batch)
+            for i in range(size):
+                n = order[batch + i]
+                first[i, 0], first[i, 1], first[i, 2] = rest[n, 0, 0], rest[n, 0, 1], rest[n, 0, 2]
+                for vertex in range(vertices):
+                    for axis in range(3):
+                        moved[i, vertex, axis] = start[n, vertex, axis]
+            for i in range(size):
+                if batch + _BATCH + i < end:
+                    ahead = order[batch + _BATCH + i]
+                    bring_to_read(start.ctypes.data + ahead * width, width)
+                    if moved_on:
+                        bring_to_read(rest.ctypes.data + ahead * width, 3 * rest.itemsize)
+                bring_to_write(out.ctypes.data + order[batch + i] * width, width)
+                p = labels[batch + i, 0]
+                x, y, z = first[i, 0], first[i, 1], first[i, 2]
+                # Rows of the map: scalars, which stay in registers.
+                a, a0, a1, a2 = table[p, 0], table[p, 3], table[p, 4], table[p, 5]
+                b, b0, b1, b2 = table[p, 1], table[p, 6], table[p, 7], table[p, 8]
+                c, c0, c1, c2 = table[p, 2], table[p, 9], table[p, 10], table[p, 11]
+                total = np.float64(weights[batch + i, 0])
+                if total > 0.0:
+                    u = a + a0 * x + a1 * y + a2 * z
+                    v = b + b0 * x + b1 * y + b2 * z
+                    w = c + c0 * x + c1 * y + c2 * z
+                    a, a0, a1, a2 = total * a, total * a0, total * a1, total * a2
+                    b, b0, b1, b2 = total * b, total * b0, total * b1, total * b2
+                    c, c0, c1, c2 = total * c, total * c0, total * c1, total * c2
+                    for k in range(1, most):
+                        weight = np.float64(weights[batch + i, k])
+                        q = labels[batch + i, k]
+                        du = table[q, 0] + table[q, 3] * x + table[q, 4] * y + table[q, 5] * z - u
+                        dv = table[q, 1] + table[q, 6] * x + table[q, 7] * y + table[q, 8] * z - v
+                        dw = table[q, 2] + table[q, 9] * x + table[q, 10] * y + table[q, 11] * z - w
+                        if du * du + dv * dv + dw * dw > limit:
+                            continue
+                        total += weight
+                        a += weight * table[q, 0]
+                        b += weight * table[q, 1]
+                        c += weight * table[q, 2]
+                        a0 += weight * table[q, 3]
+                        a1 += weight * table[q, 4]
+                        a2 += weight * table[q, 5]
+                        b0 += weight * table[q, 6]
+                        b1 += weight * table[q, 7]
+                        b2 += weight * table[q, 8]
+                        c0 += weight * table[q, 9]
+                        c1 += weight * table[q, 10]
+                        c2 += weight * table[q, 11]
+                    share = 1.0 / total
+                    a, a0, a1, a2 = share * a, share * a0, share * a1, share * a2
+                    b, b0, b1, b2 = share * b, share * b0, share * b1, share * b2
+                    c, c0, c1, c2 = share * c, share * c0, share * c1, share * c2
+                else:
+                    x, y, z = points[p, 0], points[p, 1], points[p, 2]
+                    a += a0 * x + a1 * y + a2 * z
+                    b += b0 * x + b1 * y + b2 * z
+                    c += c0 * x + c1 * y + c2 * z
+                    a0 = a1 = a2 = b0 = b1 = b2 = c0 = c1 = c2 = 0.0
+                for vertex in range(vertices):
+                    x, y, z = moved[i, vertex, 0], moved[i, vertex, 1], moved[i, vertex, 2]
+                    moved[i, vertex, 0] = x + (a + a0 * x + a1 * y + a2 * z)
+                    moved[i, vertex, 1] = y + (b + b0 * x + b1 * y + b2 * z)
+                    moved[i, vertex, 2] = z + (c + c0 * x + c1 * y + c2 * z)
+            for i in range(size):
+                n = order[batch + i]
+                for vertex in range(vertices):
+                    for axis in range(3):
+                        out[n, vertex, axis] = moved[i, vertex, axis]

@@ -7,6 +7,7 @@ piece, of its mass, mean and covariance, as cores are.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 from typing import Any
@@ -130,13 +131,12 @@ def sample_volume(
     step = spacing / _PER_CELL
     carrier = known
     if known is None or not _same(known, positions - block.centre, len(block.local), step):
-        distances, nearest = PointFrames.candidates(positions)
         carrier = PointFrames.build(
             positions - block.centre,
             step,
             block.local.means.astype(np.float64),
             _feet(solid, block.local.means + block.centre, positions, step) - block.centre,
-            _open_between(solid, positions, distances, nearest, step),
+            functools.partial(_open_between, solid, positions, solid.distance_at(positions) < 0.5 * step, step),
         )
     assert carrier is not None
     return Sample(
@@ -226,14 +226,18 @@ def _feet(solid: PlacedSolid, means: Array, positions: Array, step: float) -> Ar
     return feet
 
 
-def _open_between(solid: PlacedSolid, positions: Array, distances: Array, nearest: Array, step: float) -> Array:
-    """Whether there is air half way between each point and its candidates (P, C): a gap that was open at rest."""
-    found = np.zeros(distances.shape, dtype=bool)
-    inside = solid.distance_at(positions) < 0.5 * step
-    for column in range(distances.shape[1]):
-        both = np.flatnonzero(inside & inside[nearest[:, column]] & (distances[:, column] > 0.5 * step))
-        middles = (positions[both] + positions[nearest[both, column]]) / 2
-        found[both, column] = solid.distance_at(middles) > 0.5 * step
+def _open_between(
+    solid: PlacedSolid, positions: Array, inside: Array, step: float, rows: Array, others: Array
+) -> Array:
+    """Whether there is air half way between the points of these rows (M,) and of those: a gap that was open at rest.
+
+    Only between those that are `inside` (P,): around sheets there is air everywhere.
+    """
+    found = np.zeros(len(rows), dtype=bool)
+    apart = np.linalg.norm(positions[rows] - positions[others], axis=1) > 0.5 * step
+    both = np.flatnonzero(inside[rows] & inside[others] & apart)
+    middles = (positions[rows[both]] + positions[others[both]]) / 2
+    found[both] = solid.distance_at(middles) > 0.5 * step
     return found
 
 

@@ -189,6 +189,20 @@ def test_what_encloses_nothing_is_refused_by_name():
         assembled(splat, region=BoxShape(center=tuple(splat.means[0]), half_extents=(1e-4, 1e-4, 1e-4)))
 
 
+def test_a_point_stands_for_a_gaussian_of_its_own_piece():
+    # The way between two balls a tenth apart is shorter than that to the far side of either.
+    ball = shell(SHAPES["sphere"], count=2_500)
+    splat = joined(ball, ball.with_(means=ball.means + [0, 0, 1.1]))
+    carrier = assembled(splat, resolution=24).bodies[0].carrier
+    middle = carrier.points[:, 2].mean()
+    stands_for = np.arange(len(splat))[carrier.standing_for] >= 2_500
+    assert np.array_equal(stands_for, carrier.points[:, 2] > middle)
+    # What is in the middle of a ball of one is half a one from its surface.
+    means = splat.means - splat.means.mean(axis=0)
+    ways = np.linalg.norm(means[carrier.standing_for] - (carrier.points - carrier.points.mean(axis=0)), axis=1)
+    assert ways.max() < 0.5 + carrier.spacing
+
+
 def test_velocities_of_a_rigid_motion_go_on_into_the_body():
     body = assembled(shell(SHAPES["sphere"], count=4_000)).bodies[0]
     spin = np.array([0.3, -1.0, 2.0])
