@@ -2,7 +2,7 @@
 
 Two along each side of a cell, as the engines' own scenes have them; those that the surface cuts have the part of their
 volume that is inside, at its middle. Thin matter (`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a
-piece, of its mass, mean and covariance, as cores are.
+piece, of its mass, mean and covariance, as cores are; a crumb is a point.
 """
 
 from __future__ import annotations
@@ -36,6 +36,9 @@ _LEAST = 0.02
 """Share of a point's volume below which it is none: it would weigh nothing and be moved all the same."""
 _SHEET = 0.75
 """Side, in cells, of the cubes whose pieces of a sheet are one."""
+_CRUMB = 1 / 3
+"""Of the area of a sheet that goes right across such a cube: a piece with less is of a rim, or lies on a surface. Nine
+tenths of a statue's pieces are crumbs, with less than half of their matter."""
 _JITTER = 0.25
 """In distances of points, to either side."""
 _ROUNDING = 1e-3
@@ -187,7 +190,8 @@ def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
 
 
 def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
-    """Corners (P, 3) [m] of tetrahedra that sheets are, and their volumes (P,) [m^3]."""
+    """Points (P, 3) [m] that sheets are, and their volumes (P,) [m^3]: of each piece the corners of a tetrahedron; its
+    middle alone where it is a crumb."""
     sheets = solid.solid.sheets
     if not len(sheets.areas):
         return np.zeros((0, 3)), np.zeros(0)
@@ -198,9 +202,15 @@ def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
     weights = sheets.volumes * solid.scale**3
     volumes, means, covariances = scatter(positions, labels.reshape(-1), weights)
     thickness = sheets.thickness * solid.scale
+    # Four points of a crumb cost as much as those of a leaf, and the farthest stretched of them sets the step of all.
+    crumbs = volumes < _CRUMB * thickness * (_SHEET * spacing) ** 2
+    leaves = Matter(volumes=volumes[~crumbs], means=means[~crumbs], covariances=covariances[~crumbs])
     # Twice the standard deviation of a layer, at least, along every axis.
-    corners = corners_of(Matter(volumes=volumes, means=means, covariances=covariances), thickness / np.sqrt(3.0))
-    return corners.reshape(-1, 3), np.repeat(volumes / 4, 4)
+    corners = corners_of(leaves, thickness / np.sqrt(3.0))
+    return (
+        np.concatenate([corners.reshape(-1, 3), means[crumbs]]),
+        np.concatenate([np.repeat(leaves.volumes / 4, 4), volumes[crumbs]]),
+    )
 
 
 def _feet(solid: PlacedSolid, means: Array, positions: Array, step: float) -> Array:
