@@ -1,7 +1,8 @@
 """Soft captures dropped on a floor, filled by points on finer and finer grids, and by every vertex: error and cost.
 
     GASP_DATA=... python benchmarks/volume_convergence.py [--only massa ...] [--grids 24 32 48 64] [--all 48]
-                                                          [--variant drop|rest|held|thrown] [--out FOLDER]
+                                                          [--variant drop|rest|held|thrown]
+                                                          [--substep-fraction F] [--out FOLDER]
 
 Each run is a process of its own, whose processor time is that of the whole, splat and body read or found included. The
 first table has the cost, the mass, and how far the object tilts; the second how far apart runs are, over all vertices
@@ -9,6 +10,7 @@ and frames, in percent of the diagonal, and what the best rigid fit of each fram
 
 Variants tell what keeps runs apart: "drop", from 2 cm; "rest", put on the floor; "held", its lowest tenth pinned, so
 that nothing bounces, slides or rocks; "thrown", on the floor with the velocity that the drop would have given it.
+What the integrator damps grows with the number of substeps: a fraction tells how much of the motion it decides.
 """
 
 import argparse
@@ -44,7 +46,8 @@ region = {{ shape = "box", center = [0, 0, 0], half_extents = [9, 9, {HEIGHT / 1
 """
 
 
-def scene_text(name, mode, cells, variant, youngs_modulus, duration):
+def scene_text(name, mode, cells, variant, youngs_modulus, duration, substep_fraction=None):
+    fraction = "" if substep_fraction is None else f"substep_fraction = {substep_fraction}"
     height, velocity = VARIANTS[variant]
     return f"""collider = [{{ shape = "plane", height = 0.0, friction = 0.4 }}]
 [scene]
@@ -60,6 +63,7 @@ material = {{ model = "elastic", density = 400, youngs_modulus = {youngs_modulus
 reduction = {{ mode = "{mode}" }}
 [accuracy]
 resolution = {cells}
+{fraction}
 {PIN if variant == "held" else ""}"""
 
 
@@ -67,7 +71,8 @@ def carried_out(folder, name, mode, cells, arguments):
     """A run, and its processor time [s]."""
     path = folder / f"{name}-{mode}-{cells}-{arguments.variant}.gasp"
     scene = path.with_suffix(".toml")
-    scene.write_text(scene_text(name, mode, cells, arguments.variant, arguments.youngs_modulus, arguments.duration))
+    options = (arguments.variant, arguments.youngs_modulus, arguments.duration, arguments.substep_fraction)
+    scene.write_text(scene_text(name, mode, cells, *options))
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     finished = subprocess.run(
         [GASP, "run", scene, "--out", path, "--overwrite"], capture_output=True, text=True, check=False
@@ -128,6 +133,7 @@ def main():
     parser.add_argument("--variant", choices=VARIANTS, default="drop")
     parser.add_argument("--youngs-modulus", type=float, default=2e5)
     parser.add_argument("--duration", type=float, default=1.0)
+    parser.add_argument("--substep-fraction", type=float, help="Of the largest stable step; else the engine's own.")
     parser.add_argument("--out", type=Path, help="Where recordings are kept.")
     arguments = parser.parse_args()
     if not DATA.is_dir():

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
+from gasp_core.solid.creases import sharpened
 from gasp_core.solid.distance import signed_distance
 from gasp_core.solid.grid import Grid, interpolated
 from gasp_core.solid.indicator import indicator
@@ -68,6 +69,8 @@ _FULL = 0.7
 """Of the indicator, which is one inside: behind the surface of a body it comes up to this within two details."""
 _FRINGE = 0.2
 """Of the same: surfels farther out are fuzz. With them a noisy thin box is 1.9 % too large, rather than .5."""
+_SURELY = 0.3
+"""Of a surfel's area, as far as it is a surface: with so much it lies on one."""
 _SMALL = 0.005
 """Of the largest part: what is smaller is no part of the body."""
 _FLOATING = 0.02
@@ -268,6 +271,8 @@ def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options:
     telling = (behind > _FULL) & (own > _FRINGE) & (weights > 0)
     level = float(np.average(own[telling], weights=weights[telling])) if telling.any() else 0.5
     inside = (chi - level) * np.sqrt(2 * np.pi) * width
+    surface = telling & (weights > _SURELY * surfels.areas)
+    inside = sharpened(inside, grid, surfels.means[surface], normals[rows][surface], detail)
     small = (inside > 0) & ~large_parts(inside > 0, _SMALL)
     inside[small] = -spacing
     body = inside > 0

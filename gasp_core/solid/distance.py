@@ -15,8 +15,9 @@ __all__ = ["signed_distance"]
 
 Array = NDArray[Any]
 
-_DISC = 0.5
-"""Radius, in spacings, of the tangent discs that the surface is made of."""
+_DISC = 0.8
+"""Radius, in spacings, of the tangent discs that the surface is made of: smaller ones leave gaps between them, larger
+ones stand out beyond edges."""
 _BESIDE = 2
 """Nodes from the surface within which the nearest disc is looked for."""
 
