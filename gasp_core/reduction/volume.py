@@ -37,8 +37,9 @@ _LEAST = 0.02
 _SHEET = 0.75
 """Side, in cells, of the cubes whose pieces of a sheet are one."""
 _CRUMB = 1 / 3
-"""Of the area of a sheet that goes right across such a cube: a piece with less is of a rim, or lies on a surface. Nine
-tenths of a statue's pieces are crumbs, with less than half of their matter."""
+"""Of the area of a sheet that goes right across such a cube: a piece with less is of a rim, or lies on a surface."""
+_BESIDE = 6
+"""Points within a cell of it that a crumb has."""
 _JITTER = 0.25
 """In distances of points, to either side."""
 _ROUNDING = 1e-3
@@ -78,7 +79,7 @@ def fill(solid: PlacedSolid, spacing: float, *, jittered: bool = False, seed: in
     if jittered:
         shift = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, positions.shape) * step
         positions = positions + shift * (shares == 1.0)[:, None]
-    sheet_positions, sheet_volumes = _sheets(solid, spacing)
+    sheet_positions, sheet_volumes = _sheets(solid, spacing, positions)
     return Filling(
         positions=np.concatenate([positions, sheet_positions]),
         volumes=np.concatenate([shares * step**3, sheet_volumes]),
@@ -189,9 +190,13 @@ def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
     return points[kept], shares[kept]
 
 
-def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
+def _sheets(solid: PlacedSolid, spacing: float, filled: Array) -> tuple[Array, Array]:
     """Points (P, 3) [m] that sheets are, and their volumes (P,) [m^3]: of each piece the corners of a tetrahedron; its
-    middle alone where it is a crumb."""
+    middle alone where it is a crumb beside other matter, of which `filled` (P, 3) [m] is what is inside."""
+    from scipy.spatial import KDTree
+
+    from gasp_core.stepping.threads import processors
+
     sheets = solid.solid.sheets
     if not len(sheets.areas):
         return np.zeros((0, 3)), np.zeros(0)
@@ -202,14 +207,19 @@ def _sheets(solid: PlacedSolid, spacing: float) -> tuple[Array, Array]:
     weights = sheets.volumes * solid.scale**3
     volumes, means, covariances = scatter(positions, labels.reshape(-1), weights)
     thickness = sheets.thickness * solid.scale
-    # Four points of a crumb cost as much as those of a leaf, and the farthest stretched of them sets the step of all.
-    crumbs = volumes < _CRUMB * thickness * (_SHEET * spacing) ** 2
-    leaves = Matter(volumes=volumes[~crumbs], means=means[~crumbs], covariances=covariances[~crumbs])
+    small = volumes < _CRUMB * thickness * (_SHEET * spacing) ** 2
     # Twice the standard deviation of a layer, at least, along every axis.
-    corners = corners_of(leaves, thickness / np.sqrt(3.0))
+    corners = corners_of(Matter(volumes=volumes, means=means, covariances=covariances), thickness / np.sqrt(3.0))
+    # Four points of a crumb cost as much as those of a leaf, and the farthest stretched of them sets the step of all.
+    # One alone says nothing of how what follows it turns: that is for the matter around it to say.
+    matter: Any = KDTree(np.concatenate([filled, corners[~small].reshape(-1, 3)]))
+    crumbs = np.flatnonzero(small)
+    beside = matter.query_ball_point(means[crumbs], spacing, return_length=True, workers=processors())
+    crumbs = crumbs[beside >= _BESIDE]
+    whole = np.setdiff1d(np.arange(len(volumes)), crumbs)
     return (
-        np.concatenate([corners.reshape(-1, 3), means[crumbs]]),
-        np.concatenate([np.repeat(leaves.volumes / 4, 4), volumes[crumbs]]),
+        np.concatenate([corners[whole].reshape(-1, 3), means[crumbs]]),
+        np.concatenate([np.repeat(volumes[whole] / 4, 4), volumes[crumbs]]),
     )
 
 
