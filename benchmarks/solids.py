@@ -18,9 +18,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from splat_shells import SHAPES, shell
 
-from gasp_core import read_splat
-from gasp_core.gaussians import rotation_matrices, rotation_quaternions
-from gasp_core.scene.placement import upright
+from gasp_core import SplatObject, read_splat
+from gasp_core.scene.selection import place_object
 from gasp_core.solid import Sheets, SolidOptions, solid_of
 
 DATA = Path(os.environ.get("GASP_DATA", "../shared/data")).absolute() / "splats"
@@ -69,18 +68,12 @@ def main():
     print(f"\n{'capture':24}{'Gaussians':>10}" + "".join(f"{f'{count} cells':>10}" for count in cells)
           + f"{'uncertain %':>13}{'found in s':>12}")  # fmt: skip
     for name in CAPTURES:
-        gaussians = read_splat(DATA / name)
-        turn = upright("-y")
-        gaussians = gaussians.with_(
-            means=gaussians.means @ turn.T,
-            quaternions=rotation_quaternions(turn @ rotation_matrices(gaussians.quaternions)),
-        )
+        item = SplatObject(name=name, splat=DATA / name, height=0.4, static=True)
+        gaussians = place_object(item, read_splat(DATA / name)).gaussians
         begin = time.perf_counter()
         solid = solid_of(gaussians)
         seconds = time.perf_counter() - begin
-        height = np.ptp(np.percentile(gaussians.means[:, 2], [0.5, 99.5]))
-        litres = 1e3 * (0.4 / height) ** 3
-        volumes = [litres * solid_of(gaussians, SolidOptions(cells=count)).volume for count in cells]
+        volumes = [1e3 * solid_of(gaussians, SolidOptions(cells=count)).volume for count in cells]
         off = 100 * abs(solid.doubts.coarse_volume / solid.volume - 1)
         print(f"{name:24}{len(gaussians):10,}" + "".join(f"{volume:10.3f}" for volume in volumes)
               + f"{off:13.1f}{seconds:12.1f}", flush=True)  # fmt: skip

@@ -258,12 +258,12 @@ def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options:
     air = weight * (_AIR * _rising(lines, *_FREE_LINES) + _OPEN_AIR * much_sky) * np.exp(-amplified)
     dark = weight * _INSIDE * np.clip(1 - brightest / _DARK, 0.0, 1.0)
     rows = np.flatnonzero(grid.places(known.surfels.means)[:, 2] > -0.5)
-    surfels, weights = known.surfels.select(rows), weights[rows]
+    surfels, facing, weights = known.surfels.select(rows), normals[rows], weights[rows]
     width = _KERNEL * max(detail, 0.7 * spacing)
     areas = counted_once(surfels, weights, grid, width, detail)
     peaks = areas * surfels.peaks(width) * spacing
     field = np.stack(
-        [summed_gaussians(grid, surfels.means, surfels.covariances, peaks * part, width) for part in normals[rows].T]
+        [summed_gaussians(grid, surfels.means, surfels.covariances, peaks * part, width) for part in facing.T]
     )
     chi = indicator(field, air, dark)
     own, behind = interpolated([chi, highest_near(chi, round(2 * detail / spacing))], grid.places(surfels.means)).T
@@ -271,8 +271,9 @@ def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options:
     telling = (behind > _FULL) & (own > _FRINGE) & (weights > 0)
     level = float(np.average(own[telling], weights=weights[telling])) if telling.any() else 0.5
     inside = (chi - level) * np.sqrt(2 * np.pi) * width
-    surface = telling & (weights > _SURELY * surfels.areas)
-    inside = sharpened(inside, grid, surfels.means[surface], normals[rows][surface], detail)
+    # Where light comes from all sides alike a surfel faces nowhere.
+    surface = telling & (weights > _SURELY * surfels.areas) & facing.any(axis=1)
+    inside = sharpened(inside, grid, surfels.means[surface], facing[surface], detail)
     small = (inside > 0) & ~large_parts(inside > 0, _SMALL)
     inside[small] = -spacing
     body = inside > 0

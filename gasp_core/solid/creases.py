@@ -21,6 +21,8 @@ Array = NDArray[Any]
 
 _AROUND = 16
 """Surfels that a node looks at."""
+_AT_ONCE = 2**15
+"""Nodes: 12 MB a table of what their surfels have."""
 _REACH = 1.5
 """Details from the surface of the field, and from a surfel, within which nodes are told anew, by one detail at most."""
 _WIDTH = 0.5
@@ -47,23 +49,33 @@ def sharpened(inside: Array, grid: Grid, means: Array, normals: Array, detail: f
     from scipy.spatial import KDTree
 
     near = np.argwhere(np.abs(inside) < _REACH * detail)
-    count = min(_AROUND, len(means))
-    if not len(near) or not count:
+    if not len(means):
         return inside
     tree: Any = KDTree(means)
-    nodes = grid.origin + grid.spacing * near
+    out = inside.copy()
+    for begin in range(0, len(near), _AT_ONCE):
+        rows = tuple(near[begin : begin + _AT_ONCE].T)
+        nodes = grid.origin + grid.spacing * np.stack(rows, axis=1)
+        out[rows] = _told(inside[rows], nodes, tree, means, normals, detail)
+    return out
+
+
+def _told(known: Array, nodes: Array, tree: Any, means: Array, normals: Array, detail: float) -> Array:
+    """What a field `known` (M,) is at nodes (M, 3)."""
+    count = min(_AROUND, len(means))
     lengths, found = tree.query(nodes, k=[*range(1, count + 1)], workers=processors())
-    first, own = means[found[:, :1]], normals[found[:, 0]]
-    heights = np.einsum("nki,nki->nk", nodes[:, None] - means[found], normals[found])
-    alike = np.einsum("nki,ni->nk", normals[found], own)
+    places, facing = means[found], normals[found]
+    first, own = places[:, :1], facing[:, 0]
+    heights = np.einsum("nki,nki->nk", nodes[:, None] - places, facing)
+    alike = np.einsum("nki,ni->nk", facing, own)
     weights = np.exp(-0.5 * ((lengths - lengths[:, :1]) / (_WIDTH * detail)) ** 2)
     weights *= np.clip((alike - _LIKE) / (1 - _LIKE), 0.0, 1.0)
     weights /= weights.sum(axis=1, keepdims=True)
     plane = (weights * heights).sum(axis=1)
 
     # How far each surfel is in front of the nearest one's plane, and that one in front of its own.
-    before = np.einsum("nki,ni->nk", means[found] - first, own)
-    behind = np.einsum("nki,nki->nk", first - means[found], normals[found])
+    before = np.einsum("nki,ni->nk", places - first, own)
+    behind = np.einsum("nki,nki->nk", first - places, facing)
     other = (alike < _LIKE) & (lengths < lengths[:, :1] + detail)
     outward, inward = other & (before < 0) & (behind < 0), other & (before > 0) & (behind > 0)
     told = np.maximum(plane, np.where(outward, heights, -np.inf).max(axis=1))
@@ -71,10 +83,7 @@ def sharpened(inside: Array, grid: Grid, means: Array, normals: Array, detail: f
 
     rough = np.sqrt((weights * (before - (weights * before).sum(axis=1, keepdims=True)) ** 2).sum(axis=1))
     share = np.clip((_SMOOTH[1] - rough / detail) / (_SMOOTH[1] - _SMOOTH[0]), 0.0, 1.0)
-    known = inside[tuple(near.T)]
     # Far from the surface it goes over into the field.
     share *= np.clip(2 * (_REACH - np.abs(known) / detail), 0.0, 1.0)
     share[(lengths[:, 0] > _REACH * detail) | (np.abs(told - known) > detail)] = 0.0
-    out = inside.copy()
-    out[tuple(near.T)] += share * (told - known)
-    return out
+    return known + share * (told - known)
