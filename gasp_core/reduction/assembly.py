@@ -19,6 +19,7 @@ from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, 
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.point_frames import PointFrames
+from gasp_core.reduction.surfaces import rigid_surfaces
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.model import Scene
@@ -206,7 +207,7 @@ def assemble(
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
-        hints=(GridAnchor(place=(float(x), float(y), float(z))),),
+        hints=(GridAnchor(place=(float(x), float(y), float(z))), *rigid_surfaces([placed for _, placed in moving])),
     )
     return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies), accuracy=accuracy, notes=notes)
 
