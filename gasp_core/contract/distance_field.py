@@ -81,7 +81,7 @@ class SignedDistanceField:
         low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
         counts = np.ceil((high - low) / spacing).astype(int) + 5
         origin = (low + high - spacing * (counts - 1)) / 2
-        nodes = origin + spacing * np.indices(counts).reshape(3, -1).T
+        nodes = origin + spacing * np.indices(tuple(counts)).reshape(3, -1).T
         box = BoxShape(center=tuple((low + high) / 2), half_extents=tuple((high - low) / 2))
         values = np.maximum(shape.signed_distance(nodes), box.signed_distance(nodes))
         return cls(origin=tuple(origin), spacing=spacing, values=values.reshape(counts))

@@ -33,9 +33,10 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.file_shapes import FileShape, MeshShape, SplatShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
-from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.objects import UP_AXES, Contact, Floaters, Reduction, SplatObject
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
@@ -45,6 +46,8 @@ from gasp_core.solid.options import SolidOptions
 __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
+_FILE_SHAPES: dict[str, type[FileShape]] = {kind.kind: kind for kind in (SplatShape, MeshShape)}
+_CONTACT = ("contact", "friction", "side")
 _LONGEST_SCENE = 1 << 20
 _LONGEST_PATH = 300
 _DEEPEST = 64
@@ -54,7 +57,7 @@ _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
+    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion", "collider",
 )  # fmt: skip
 
 
@@ -139,10 +142,16 @@ def _placed_beside(scene: Scene, folder: Path) -> Scene:
         else dataclasses.replace(item, splat=folder / item.splat)
         for item in scene.objects
     )
+    colliders = tuple(
+        dataclasses.replace(one, shape=dataclasses.replace(one.shape, file=folder / one.shape.file))
+        if isinstance(one.shape, FileShape)
+        else one
+        for one in scene.colliders
+    )
     camera = scene.camera
     if camera is not None and camera.file is not None:
         camera = dataclasses.replace(camera, file=folder / camera.file)
-    return dataclasses.replace(scene, objects=objects, camera=camera)
+    return dataclasses.replace(scene, objects=objects, colliders=colliders, camera=camera)
 
 
 def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:
@@ -217,7 +226,7 @@ def _read(top: Table, folder: Path | None) -> Scene:
             "frame_rate": head.number("frame_rate"),
             "gravity": head.vector("gravity", (0.0, 0.0, -9.81)),
             "objects": tuple(objects),
-            "colliders": tuple(_read_collider(table) for table in top.tables("collider")),
+            "colliders": tuple(_read_collider(table, folder) for table in top.tables("collider")),
             "drives": tuple(_read_drive(table) for table in top.tables("drive")),
             "force_fields": tuple(_read_wind(table) for table in top.tables("wind")),
             "domain": top.table("domain").build(Domain) if top.has("domain") else None,
@@ -253,6 +262,8 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
         values["region"] = _read_shape(table.table("region"))
     if table.has("vertices"):
         values["vertices"] = _read_vertices(table)
+    if table.has("collider"):
+        values["collider"] = _read_contact(table)
     if table.has("motion"):
         values["motion"] = _read_motion(table.table("motion"), folder)
     values["static"] = table.flag("static")
@@ -330,8 +341,32 @@ def _read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
     return table.make(HalfSpace, {"point": table.vector("point"), "normal": table.vector("normal")})
 
 
-def _read_collider(table: Table) -> Collider:
-    shape = _read_shape(table, "contact", "friction", "side", plane_height=True)
+def _read_contact(table: Table) -> Contact | None:
+    """Of an object that stands still: true, false, or a table with its friction."""
+    value = table.values["collider"]
+    if isinstance(value, bool):
+        return Contact() if value else None
+    if not isinstance(value, Mapping):
+        table.fail("collider", f"must be true, false or a table such as {{ friction = 0.4 }}, found {kind_of(value)}")
+    return table.table("collider").build(Contact)
+
+
+def _read_file_shape(table: Table, kind: type[FileShape], folder: Path | None) -> FileShape:
+    """A shape that a file describes; the file's key is the kind's name."""
+    own = {key: value for key, value in table.values.items() if key not in ("shape", kind.kind, *_CONTACT)}
+    given: dict[str, Any] = {"file": _path(table, kind.kind, folder)}
+    if "up" in own:
+        given["up"] = table.choice("up", {axis: axis for axis in UP_AXES})
+    if "rotation" in own:
+        given["rotation"] = table.numbers("rotation", (3, 4))
+    if "solid" in own:
+        given["solid"] = table.table("solid").build(SolidOptions)
+    return table.at(table.path, own).build(kind, **given)
+
+
+def _read_collider(table: Table, folder: Path | None) -> Collider:
+    kind = _FILE_SHAPES.get(str(table.values.get("shape")))
+    shape = _read_file_shape(table, kind, folder) if kind else _read_shape(table, *_CONTACT, plane_height=True)
     return table.make(
         Collider,
         {

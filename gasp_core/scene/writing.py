@@ -13,6 +13,7 @@ from typing import Any, cast
 
 from gasp_core.contract import BoxShape, Collider, HalfSpace, SphereShape
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
@@ -52,7 +53,7 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     for item in scene.objects:
         lines += ["", "[[object]]", *_entries(_object(item, beside))]
     for collider in scene.colliders:
-        lines += ["", "[[collider]]", *_entries(_collider(collider))]
+        lines += ["", "[[collider]]", *_entries(_collider(collider, beside))]
     for drive in scene.drives:
         lines += ["", "[[drive]]", *_entries({"kind": drive.kind, **_fields(drive)})]
     for wind in scene.force_fields:
@@ -99,9 +100,11 @@ def motion_table(motion: Motion) -> dict[str, Any]:
     return {"kind": motion.kind, **_fields(motion)}
 
 
-def _collider(collider: Collider) -> dict[str, Any]:
+def _collider(collider: Collider, beside: Path | None) -> dict[str, Any]:
     values = _fields(collider)
     shape: dict[str, Any] = values.pop("shape")
+    if isinstance(collider.shape, FileShape):
+        shape[collider.shape.kind] = _path(shape.pop("file"), beside)
     return {**shape, **values}
 
 
@@ -112,7 +115,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, (HalfSpace, BoxShape, SphereShape)):
+    if isinstance(value, (HalfSpace, BoxShape, SphereShape, FileShape)):
         return {"shape": value.kind, **_fields(value)}
     if isinstance(value, Gaussians):
         return ""
