@@ -74,7 +74,7 @@ def read_mesh(path: Path) -> TriangleMesh:
     except Exception as error:
         # A damaged file ends trimesh in whatever it stumbles over.
         raise SplatFormatError(
-            f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {str(error)[:100]})"
+            f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {shown(str(error))[:100]})"
         ) from None
     if len(faces) > _MOST_FACES:
         raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {_MOST_FACES:,} at most")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gasp_core.contract import Collider, ContactCondition, Material, Shape
+from gasp_core.contract.forcing import check_friction
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
@@ -118,7 +119,7 @@ class Contact:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        finite(self, "friction", low=0.0)
+        check_friction(self)
 
     def of(self, shape: Shape) -> Collider:
         """The collider of this shape."""

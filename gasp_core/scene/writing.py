@@ -104,7 +104,8 @@ def _collider(collider: Collider, beside: Path | None) -> dict[str, Any]:
     values = _fields(collider)
     shape: dict[str, Any] = values.pop("shape")
     if isinstance(collider.shape, FileShape):
-        shape[collider.shape.kind] = _path(shape.pop("file"), beside)
+        shape[collider.shape.kind] = _path(collider.shape.file, beside)
+        del shape["file"]
     return {**shape, **values}
 
 
