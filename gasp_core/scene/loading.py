@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import (
-    MATERIALS,
     BoxShape,
     Collider,
     ContactCondition,
@@ -22,7 +21,6 @@ from gasp_core.contract import (
     EngineAccuracy,
     HalfSpace,
     Impulse,
-    Material,
     Pinned,
     Shape,
     Side,
@@ -36,6 +34,7 @@ from gasp_core.io.text_files import read_text
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
@@ -234,7 +233,7 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
     values: dict[str, Any] = {"name": table.text("name"), "splat": _path(table, "splat", folder)}
     if table.has("material"):
-        values["material"] = _read_material(table.table("material"))
+        values["material"] = read_material(table)
     for key in ("height", "metres_per_unit"):
         if table.has(key):
             values[key] = table.number(key)
@@ -281,11 +280,6 @@ def _path(table: Table, key: str, folder: Path | None) -> Path:
 
 def _shortened(text: str) -> str:
     return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."
-
-
-def _read_material(table: Table) -> Material:
-    kind: type[Material] = table.choice("model", MATERIALS)
-    return table.build(kind, tag="model")
 
 
 def _read_motion(table: Table, folder: Path | None) -> Motion:

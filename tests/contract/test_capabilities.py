@@ -135,6 +135,8 @@ def test_each_capability_that_is_missing_is_refused(refusal):
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
     described = {"conserved", "determinism", "temporal_order", "iterates", "unconditionally_stable", "damping"}
+    # Steps that are too many are refused by themselves: tests/simulation/test_stiff_matter.py.
+    described |= {"stable_step"}
     # No scene asks for a view, and an index is part of a device: below.
     described |= {"views", "device_indices"}
     tried = {name for less in LESS.values() for name in less}
