@@ -248,7 +248,7 @@ PRESETS: tuple[MaterialPreset, ...] = (
         summary="runny honey at 25 C, a sixth of it water",
         source="Yanniotis, Skaltsi and Karaburnioti 2006, J. Food Eng. 72, 372",
         ranges={"density": (1380, 1450), "bulk_modulus": (2e9, 6e9), "viscosity": (2, 25)},
-        stand_ins={"bulk_modulus": _MONAGHAN.format(fall=0.35, longer="50 or more")},
+        stand_ins={"bulk_modulus": _MONAGHAN.format(fall=0.35, longer="45 or more")},
     ),
     MaterialPreset(
         material=Metal(
