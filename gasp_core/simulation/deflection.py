@@ -158,16 +158,19 @@ def drop_height(problem: PointProblem, body: int) -> float:
         return 0.0
     if not problem.colliders:
         return math.inf
-    places = problem.points.reference_positions[problem.points.body_ids == body]
+    own = np.flatnonzero(problem.points.body_ids == body)
+    places = problem.points.reference_positions[own]
     touches = UNSEEN * float(np.ptp(places, axis=0).max())
     # The lowest and some of all: a floor is met by the former, an edge or a ball by any.
-    lowest = places[np.argsort(-(places @ gravity), kind="stable")]
-    places = np.concatenate([lowest[:_SAMPLE], lowest[:: max(1, len(lowest) // _SAMPLE)]])
+    lowest = np.argsort(-(places @ gravity), kind="stable")
+    some = np.concatenate([lowest[:_SAMPLE], lowest[:: max(1, len(lowest) // _SAMPLE)]])
+    # A point is in the middle of its matter, which is what touches.
+    places, radii = places[some], np.cbrt(problem.points.reference_volumes[own[some]]) / 2
     direction = gravity / np.linalg.norm(gravity)
-    fallen, away = np.zeros(len(places)), _distances(problem, places)
+    fallen, away = np.zeros(len(places)), _distances(problem, places) - radii
     for _ in range(_MARCHES):
         fallen += np.where(away > touches, away, 0.0)
-        away = _distances(problem, places + fallen[:, None] * direction)
+        away = _distances(problem, places + fallen[:, None] * direction) - radii
     return float(fallen[away <= touches].min(initial=math.inf))
 
 

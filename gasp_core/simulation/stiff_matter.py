@@ -78,10 +78,11 @@ def refuse_too_stiff(
     material, needed = problem.materials[worst], substeps(problem.materials[worst])
     if needed <= accuracy.substep_limit:
         return
-    bodies = [int(body) for body in np.unique(problem.points.body_ids[problem.points.material_ids == worst])]
+    bodies = _bodies_of(problem, worst)
     speed = meeting_speed(problem, duration)
     loads = [load_of(problem, body, speed) for body in bodies]
-    rest = [problem.materials[row] for row in used if row != worst]
+    others_too = [row for row in used if row != worst and substeps(problem.materials[row]) > accuracy.substep_limit]
+    rest = [problem.materials[row] for row in used if row != worst and row not in others_too]
     installed = [other for other in others if other.name != descriptor.name]
     ways = [
         _rigid(problem, worst, descriptor, installed),
@@ -89,11 +90,18 @@ def refuse_too_stiff(
         _other_engines(problem, worst, installed),
         "take a coarser resolution, or raise substep_limit",
     ]
+    also = "".join(f", and so is{_of_objects(_bodies_of(problem, row), body_names)[3:]}" for row in others_too)
     raise UnsupportedSceneError(
         f"{descriptor.name} would need {needed:,} substeps of {frame_step / needed:.3g} s for each frame, and"
         f" substep_limit under [accuracy] is {accuracy.substep_limit:,}: {_told(material)}"
-        f"{_of_objects(bodies, body_names)} is that stiff. Either {'; or '.join(way for way in ways if way)}"
+        f"{_of_objects(bodies, body_names)} is that stiff{also if body_names else ''}."
+        f" Either {'; or '.join(way for way in ways if way)}"
     )
+
+
+def _bodies_of(problem: PointProblem, row: int) -> list[int]:
+    """The bodies with points of a material."""
+    return [int(body) for body in np.unique(problem.points.body_ids[problem.points.material_ids == row])]
 
 
 def _rigid(problem: PointProblem, row: int, descriptor: EngineDescriptor, installed: Sequence[EngineDescriptor]) -> str:

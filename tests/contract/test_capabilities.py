@@ -153,6 +153,18 @@ def test_the_message_of_the_design():
     )
 
 
+def test_a_material_with_a_name_is_called_by_it():
+    named = tuple(dataclasses.replace(material, name=f"fine {material.kind}") for material in MATERIALS)
+    weak, strong = engine(materials=frozenset({Elastic})), engine("strong")
+    with pytest.raises(UnsupportedSceneError) as caught:
+        check_supported(
+            dataclasses.replace(problem(), materials=named), weak, body_names=["bear", "bucket"], others=[strong]
+        )
+    assert str(caught.value) == (
+        'black-box does not model sand, the model of "fine sand" (object "bucket"); engines that do: strong'
+    )
+
+
 def test_what_only_the_asked_device_lacks_offers_the_engines_own():
     with pytest.raises(UnsupportedSceneError, match=r"or choose device cpu$"):
         check_supported(problem(), engine(devices=("cpu",)), device="cuda")
