@@ -53,9 +53,14 @@ def scene_digest(scene: Scene, sources: Sequence[str]) -> str:
 
 
 def what_differs(owner: Any) -> dict[str, Any]:
-    """Fields of a dataclass that are not at their defaults, as JSON values; with its kind where it has one."""
+    """Fields of a dataclass that are not at their defaults, as JSON values; with its kind where it has one.
+
+    What makes no difference to its class, a name for messages, makes none here.
+    """
     told: dict[str, Any] = {}
     for field in dataclasses.fields(owner):
+        if not field.compare:
+            continue
         value = getattr(owner, field.name)
         if field.default is not dataclasses.MISSING:
             at_default = bool(value == field.default)

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import (
-    MATERIALS,
     Domain,
     Drive,
     Driven,
     EngineAccuracy,
     Impulse,
-    Material,
     Pinned,
     Wind,
 )
@@ -29,6 +27,7 @@ from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.shape_tables import path_of, read_collider, read_contact, read_shape
@@ -232,7 +231,7 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
     values: dict[str, Any] = {"name": table.text("name"), "splat": path_of(table, "splat", folder)}
     if table.has("material"):
-        values["material"] = _read_material(table.table("material"))
+        values["material"] = read_material(table)
     for key in ("height", "metres_per_unit"):
         if table.has(key):
             values[key] = table.number(key)
@@ -259,11 +258,6 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     values["min_opacity"] = table.number("min_opacity", 0.0)
     values["floaters"] = table.choice("floaters", {rule.value: rule for rule in Floaters}, Floaters.KEEP.value)
     return table.make(SplatObject, values)
-
-
-def _read_material(table: Table) -> Material:
-    kind: type[Material] = table.choice("model", MATERIALS)
-    return table.build(kind, tag="model")
 
 
 def _read_motion(table: Table, folder: Path | None) -> Motion:

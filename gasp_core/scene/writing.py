@@ -11,7 +11,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Material, SphereShape
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
@@ -19,7 +19,7 @@ from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.schema import SCHEMA
 
-__all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]
+__all__ = ["MEMORY", "gaussians_digest", "material_table", "motion_table", "scene_to_toml"]
 
 MEMORY = "memory:"
 """Stands before the digest of Gaussians that came from no file."""
@@ -89,10 +89,18 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = _path(item.splat, beside)
     if item.material is not None:
-        values["material"] = {"model": item.material.kind, **_fields(item.material)}
+        values["material"] = material_table(item.material)
     if item.motion is not None:
         values["motion"] = motion_table(item.motion)
     return values
+
+
+def material_table(material: Material) -> dict[str, Any]:
+    """A material as the table of a scene file: all its numbers, wherever they are from."""
+    values = _fields(material)
+    if not material.name:
+        del values["name"]
+    return {"model": material.kind, **values}
 
 
 def motion_table(motion: Motion) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from gasp_core import (
     Scene,
     SplatObject,
     simulate,
-    write_splat,
 )
 from gasp_core.contract import SignedDistanceField
 from gasp_core.discovery.registry import discover
