@@ -103,14 +103,14 @@ def _in_scene(placed: PlacedObject) -> tuple[dict[str, Any], str]:
 def _of_solid(body: PlacedSolid, unit: str) -> tuple[dict[str, Any], str]:
     """The solid's figures, for programs and for people."""
     solid, doubts = body.solid, body.solid.doubts
-    volume, coarse = body.volume, doubts.coarse_volume * body.scale**3
+    volume, uncertainty = body.volume, doubts.volume_uncertainty * body.scale**3
     area, thickness = float(solid.sheets.areas.sum()) * body.scale**2, solid.sheets.thickness * body.scale
     properties = body.mass_properties()
     parts = solid.parts()[1]
     left_out = {name: getattr(doubts, name) for name in ("faint", "hazy", "far", "floating")}
     told = {
         "volume": volume,
-        "coarse_volume": coarse,
+        "volume_uncertainty": uncertainty,
         "undecided": doubts.undecided,
         "parts": parts,
         "sheets": {"area": area, "thickness": thickness},
@@ -127,8 +127,8 @@ def _of_solid(body: PlacedSolid, unit: str) -> tuple[dict[str, Any], str]:
     inside = "nothing: the Gaussians enclose no volume"
     if volume > 0:
         inside = (
-            f"{measured(volume, 3)} in {parts} part{'s' if parts > 1 else ''};"
-            f" {measured(coarse, 3)} ({100 * (coarse / volume - 1):+.1f} %) where details are half as large again"
+            f"{measured(volume, 3)} in {parts} part{'s' if parts > 1 else ''},"
+            f" give or take {100 * uncertainty / volume:.0f} %: solids of larger details have so much more or less"
         )
     rows = {
         "inside": inside,

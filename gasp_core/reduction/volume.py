@@ -47,6 +47,8 @@ _ROUNDING = 1e-3
 detail is hundreds of steps of an iteration."""
 _SAMPLES = np.array(list(itertools.product((-0.25, 0.25), repeat=3)))
 _AT_ONCE = 2**21
+_DOUBTFUL = 0.25
+"""Of its volume: where it is less certain, a user should look at the body."""
 _FOOT = 0.75
 """Distances of points below the surface at which a Gaussian outside looks for the matter that it follows: four are
 around it there, above and below."""
@@ -268,8 +270,8 @@ def _notes(solid: PlacedSolid, filling: Filling, carrier: PointFrames, volume: f
     found = [
         f"{len(carrier.points):,} points fill {1e3 * volume:.3g} l{thin} and carry {len(carrier.order):,} Gaussians"
     ]
-    off = abs(doubts.coarse_volume / solid.solid.volume - 1) if solid.solid.volume else 0.0
-    if off > 0.1:
+    off = doubts.volume_uncertainty / solid.solid.volume if solid.solid.volume else 0.0
+    if off > _DOUBTFUL:
         found.append(f"its volume is uncertain by some {100 * off:.0f} %: look at its slices, gasp inspect --solid")
     far = int((carrier.weights[:, 0] == 0).sum())
     if far:

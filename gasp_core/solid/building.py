@@ -79,8 +79,9 @@ _LID = 0.5
 """Share of the dark cells in a low layer that only light from below comes to, from which on the underside is open; and
 how much of what is dark from above they must be beneath."""
 _FOOT = 0.1
-_COARSER = 1.5
-"""By how much the second resolution is coarser that tells how far the volume may be off."""
+_COARSER = (1.5, 2.0)
+"""By how much the resolutions are coarser that tell how far the volume may be off. One alone may agree by chance: of a
+thin guitar that by 1.5 does to .3 %, that by 2 has lost it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +113,8 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
     Returns
     -------
     Solid
-        In the frame and unit of the Gaussians; without any volume where they enclose none.
+        In the frame and unit of the Gaussians; without any volume where they enclose none. How far its volume may be
+        off, two coarser solids tell, with details and cells 1.5 and 2 times as large, if errors shrink in proportion.
     """
     options = options or SolidOptions()
     surfels, left_out = surfels_of(gaussians)
@@ -123,12 +125,18 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
     solid, floating = _built(surfels, detail, spacing, options)
     underside = "closed" if solid.doubts.underside_closed else "open"
     likewise = dataclasses.replace(options, underside=underside)
-    coarse, _ = _built(surfels, _COARSER * detail, max(_COARSER * detail, spacing), likewise)
+    off = 0.0
     if options.wall is not None:
-        solid, coarse = solid.hollowed(options.wall), coarse.hollowed(options.wall)
+        solid = solid.hollowed(options.wall)
+    for coarser in _COARSER:
+        coarse, _ = _built(surfels, coarser * detail, coarser * max(detail, spacing), likewise)
+        if options.wall is not None:
+            coarse = coarse.hollowed(options.wall)
+        # Richardson: an error that shrinks with the resolution is what the two differ by over the ratio less one.
+        off = max(off, abs(coarse.volume - solid.volume) / (coarser - 1))
     doubts = dataclasses.replace(
         solid.doubts,
-        coarse_volume=coarse.volume,
+        volume_uncertainty=off,
         gaussians=len(gaussians),
         faint=left_out.faint,
         hazy=left_out.hazy,

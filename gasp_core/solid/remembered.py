@@ -29,7 +29,7 @@ Array = NDArray[Any]
 
 CACHE_VARIABLE = "GASP_CACHE"
 """Names another folder for what is kept; empty: nothing is."""
-_VERSION = 2
+_VERSION = 3
 """Of what `solid_of` makes: another one wherever its numbers change."""
 _MOST_BYTES = 256 * 2**20
 _NAME = re.compile(r"[0-9a-f]{64}\.solid\.npz")

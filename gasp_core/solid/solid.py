@@ -57,8 +57,8 @@ class Doubts:
     ----------
     undecided
         Share of its volume that is neither dark nor lit nor beside a surface.
-    coarse_volume
-        Of the solid when details are half as large again: the difference is what its volume may be off by.
+    volume_uncertainty
+        What its volume may be off by: what two coarser solids say of it, see `solid_of`.
     underside_closed
         Whether it ends at its lowest layer because the Gaussians leave its underside open.
     gaussians
@@ -67,7 +67,7 @@ class Doubts:
     """
 
     undecided: float = 0.0
-    coarse_volume: float = 0.0
+    volume_uncertainty: float = 0.0
     underside_closed: bool = False
     gaussians: int = 0
     faint: int = 0

@@ -49,7 +49,7 @@ def test_a_noisy_shell_with_holes_has_the_mass_of_its_body(name, seed):
     assert solid.doubts.undecided < 0.02
     assert solid.doubts.underside_closed == (name == "open dome")
     # What is said of the error covers it, within what a tenth of the volume is off by.
-    assert abs(found.volume - shape.volume) < abs(solid.doubts.coarse_volume - found.volume) + 0.01 * shape.volume
+    assert abs(found.volume - shape.volume) < solid.doubts.volume_uncertainty + 0.01 * shape.volume
 
 
 @pytest.mark.parametrize("name", SHAPES)
