@@ -71,7 +71,7 @@ def main():
         item = SplatObject(name=name, splat=DATA / name, height=0.4, static=True)
         gaussians = place_object(item, read_splat(DATA / name)).gaussians
         begin = time.perf_counter()
-        solid = solid_of(gaussians)
+        solid_of(gaussians)
         seconds = time.perf_counter() - begin
         solids = [solid_of(gaussians, SolidOptions(cells=count)) for count in cells]
         told = [f"{1e3 * one.volume:.3f} +- {1e3 * one.doubts.volume_uncertainty:.3f}" for one in solids]
