@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -30,15 +29,19 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
-from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.columns import Column
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
-from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject, with_columns
+from gasp_core.scene.part_tables import read_part_values, read_varying
+from gasp_core.scene.parts import Part
+from gasp_core.scene.paths import read_path
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import StoredTable, Table, kind_of
+from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import MEMORY
 from gasp_core.solid.options import SolidOptions
 
@@ -46,15 +49,13 @@ __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
 _LONGEST_SCENE = 1 << 20
-_LONGEST_PATH = 300
 _DEEPEST = 64
-_VARIABLE = re.compile(r"\$\{?(\w+)")
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 """Python's reader of TOML takes time with the square of a key's parts."""
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
-    "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
+    "name", "splat", "material", "part", "static", "up", "height", "metres_per_unit", "position", "rotation",
+    "velocity", "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
 )  # fmt: skip
 
 
@@ -133,10 +134,17 @@ def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tu
 
 def _placed_beside(scene: Scene, folder: Path) -> Scene:
     """The same with relative paths of files starting at a folder."""
+
+    def here(path: Path) -> Path:
+        return path if str(path).startswith(MEMORY) else folder / path
+
+    def moved(column: Column) -> Column:
+        return here(column) if isinstance(column, Path) else column
+
     objects = tuple(
-        item
-        if isinstance(item.splat, Gaussians) or str(item.splat).startswith(MEMORY)
-        else dataclasses.replace(item, splat=folder / item.splat)
+        dataclasses.replace(
+            with_columns(item, moved), splat=here(item.splat) if isinstance(item.splat, Path) else item.splat
+        )
         for item in scene.objects
     )
     camera = scene.camera
@@ -232,9 +240,10 @@ def _read(top: Table, folder: Path | None) -> Scene:
 
 def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
-    values: dict[str, Any] = {"name": table.text("name"), "splat": _path(table, "splat", folder)}
+    values: dict[str, Any] = {"name": table.text("name"), "splat": read_path(table, "splat", folder)}
     if table.has("material"):
-        values["material"] = _read_material(table.table("material"))
+        values["material"] = _read_material(table.table("material"), folder)
+    values["parts"] = tuple(_read_part(each, folder) for each in table.tables("part"))
     for key in ("height", "metres_per_unit"):
         if table.has(key):
             values[key] = table.number(key)
@@ -261,31 +270,17 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     return table.make(SplatObject, values)
 
 
-def _path(table: Table, key: str, folder: Path | None) -> Path:
-    text = table.text(key)
-    if folder is None:
-        return Path(text)
-    try:
-        path = folder / Path(os.path.expandvars(text)).expanduser()
-        there = path.exists()
-    except (OSError, ValueError, RuntimeError):
-        # A name that is too long, a null character, a home of nobody: none of them is a file.
-        path, there = folder, False
-    if not there:
-        # As it is written: what a variable stands for need not go to everybody who is shown the message.
-        unset = [name for name in _VARIABLE.findall(text) if name not in os.environ]
-        hint = f"{unset[0]} is not set in the environment" if unset else "relative paths start at the scene file"
-        table.fail(key, f"no such file: {_shortened(text)} ({hint})")
-    return path
+def _read_material(table: Table, folder: Path | None) -> Material | VaryingMaterial:
+    return read_varying(table, table.choice("model", MATERIALS), folder)
 
 
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."
-
-
-def _read_material(table: Table) -> Material:
-    kind: type[Material] = table.choice("model", MATERIALS)
-    return table.build(kind, tag="model")
+def _read_part(table: Table, folder: Path | None) -> Part:
+    values = read_part_values(table, folder)
+    if table.has("region"):
+        values["region"] = _read_shape(table.table("region"))
+    if table.has("material"):
+        values["material"] = _read_material(table.table("material"), folder)
+    return table.make(Part, values)
 
 
 def _read_motion(table: Table, folder: Path | None) -> Motion:
@@ -357,7 +352,7 @@ def _read_wind(table: Table) -> Wind:
 def _read_camera(table: Table, folder: Path | None) -> CameraChoice:
     given: dict[str, Any] = {}
     if table.has("file"):
-        given["file"] = _path(table, "file", folder)
+        given["file"] = read_path(table, "file", folder)
     return table.build(CameraChoice, **given)
 
 

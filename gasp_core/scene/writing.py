@@ -11,12 +11,15 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Material, SphereShape
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.columns import Column, GivenColumn, PlyProperty, column_digest
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA
+from gasp_core.scene.varying import VaryingMaterial
 
 __all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]
 
@@ -88,10 +91,38 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = _path(item.splat, beside)
     if item.material is not None:
-        values["material"] = {"model": item.material.kind, **_fields(item.material)}
+        values["material"] = _material(item.material, beside)
+    del values["parts"]
+    if item.parts:
+        values["part"] = [_part(part, beside) for part in item.parts]
     if item.motion is not None:
         values["motion"] = motion_table(item.motion)
     return values
+
+
+def _part(part: Part, beside: Path | None) -> dict[str, Any]:
+    values = _fields(part)
+    if part.labels is not None:
+        values["labels"] = _column(part.labels, beside)
+    if part.material is not None:
+        values["material"] = _material(part.material, beside)
+    # The rest is as it is where nobody says anything.
+    return {name: value for name, value in values.items() if value not in ("", False)}
+
+
+def _material(material: Material | VaryingMaterial, beside: Path | None) -> dict[str, Any]:
+    if isinstance(material, VaryingMaterial):
+        columns = {name: _column(column, beside) for name, column in material.columns.items()}
+        return {**_material(material.base, beside), **columns}
+    return {"model": material.kind, **_fields(material)}
+
+
+def _column(column: Column, beside: Path | None) -> str | dict[str, str]:
+    if isinstance(column, PlyProperty):
+        return {"property": column.property}
+    if isinstance(column, GivenColumn):
+        return MEMORY + column_digest(column)
+    return str(column) if str(column).startswith(MEMORY) else _path(column, beside)
 
 
 def motion_table(motion: Motion) -> dict[str, Any]:
@@ -114,7 +145,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     if isinstance(value, (HalfSpace, BoxShape, SphereShape)):
         return {"shape": value.kind, **_fields(value)}
-    if isinstance(value, Gaussians):
+    if isinstance(value, (Gaussians, GivenColumn)):
         return ""
     if isinstance(value, Enum):
         return value.value

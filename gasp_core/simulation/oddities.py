@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gasp_core.contract import Drive, ForceField, PointProblem
+from gasp_core.scene.objects import laws_of
 from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["oddities"]
@@ -35,15 +36,27 @@ def oddities(objects: Sequence[PlacedObject], problem: PointProblem) -> Iterator
 
 
 def _of_object(placed: PlacedObject) -> Iterator[str]:
-    material, means = placed.item.material, placed.gaussians.means[~placed.floating]
-    if material is not None and not _LIGHTEST <= material.density <= _HEAVIEST:
-        what = "less than any solid's or liquid's" if material.density < _LIGHTEST else "more than any metal's"
-        yield f"its density of {material.density:g} kg/m^3 is {what}: water has 1000"
+    means = placed.gaussians.means[~placed.floating]
+    for density in dict.fromkeys(_densities(placed)):
+        if not _LIGHTEST <= density <= _HEAVIEST:
+            what = "less than any solid's or liquid's" if density < _LIGHTEST else "more than any metal's"
+            yield f"its density of {density:g} kg/m^3 is {what}: water has 1000"
     size = float(np.ptp(means, axis=0).max()) if len(means) > 1 else 0.0
     if size > _LARGEST or 0 < size < _SMALLEST:
         said = placed.item.height is not None or placed.item.metres_per_unit is not None
         advice = "lengths are in metres" if said else "say its height; a unit of the file is a metre otherwise"
         yield f"it is {size:.3g} m long: {advice}"
+
+
+def _densities(placed: PlacedObject) -> Iterator[float]:
+    """Those that it, or a part of it, has; the least and the greatest where it varies."""
+    for index, law in enumerate(laws_of(placed.item)):
+        column = placed.fields[index].get("density")
+        if column is None:
+            yield law.density
+            continue
+        own = column[placed.moving & (placed.part_numbers == index - 1)]
+        yield from (float(own.min()), float(own.max())) if len(own) else ()
 
 
 def _of_region(name: str, acting: Drive | ForceField, problem: PointProblem) -> Iterator[str]:
