@@ -243,7 +243,7 @@ def _sample(
             ' Gaussians of it that move: ask for fewer, or for mode = "all"'
         )
     kinds = placed.part_numbers[placed.moving]
-    return sample_cores(block, reduction, floor, spacing, kinds, known if isinstance(known, Levels) else None)
+    return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None, kinds)
 
 
 def _told(reduction: Reduction, choice: Choice, sample: Sample) -> tuple[str, ...]:

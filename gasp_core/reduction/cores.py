@@ -153,8 +153,8 @@ def sample_cores(
     reduction: Reduction,
     floor: float,
     spacing: float,
-    kinds: Array | None = None,
     known: Levels | None = None,
+    kinds: Array | None = None,
 ) -> Sample:
     """The corners of a body's cores.
 
@@ -168,11 +168,11 @@ def sample_cores(
         Shortest edge the engine is given [m].
     spacing
         Of the engine [m].
-    kinds : (N,)
-        Parts of the body: a core is of one. None: it has none.
     known
         Cores that were made of such a body before, on whatever machine, and are to be these where they can be: where
         two clusters are equally near, or two axes equally long, roundings decide, and each processor has its own.
+    kinds : (N,)
+        Parts of the body: a core is of one. None: it has none.
 
     Returns
     -------

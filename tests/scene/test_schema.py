@@ -47,7 +47,8 @@ def numbered(text, number):
 
 
 SCENE_CLASSES = (
-    Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
+    Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice,
+    RecordingChoice, CameraChoice, EngineAccuracy,
     HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),
 )  # fmt: skip
