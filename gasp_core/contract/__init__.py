@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from gasp_core.contract.accuracy import EngineAccuracy
 from gasp_core.contract.descriptor import CONTRACT_VERSION, EngineCapabilities, EngineDescriptor, EngineEnvironment
+from gasp_core.contract.distance_field import SignedDistanceField
 from gasp_core.contract.fields import Determinism, Field, Precision, Quantity, device_class, device_index
 from gasp_core.contract.forcing import (
     Collider,
@@ -82,6 +83,7 @@ __all__ = [
     "Sand",
     "Shape",
     "Side",
+    "SignedDistanceField",
     "Snow",
     "SphereShape",
     "Status",

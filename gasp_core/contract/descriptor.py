@@ -19,7 +19,7 @@ __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "Engine
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 1)
+CONTRACT_VERSION = (1, 2)
 """Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
 
 A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says

@@ -23,6 +23,7 @@ from gasp_core.contract import (
     Precision,
     Quantity,
     Sand,
+    SignedDistanceField,
     Snow,
     SphereShape,
     Wind,
@@ -55,7 +56,8 @@ def mpm_descriptor(
         contract_version=contract_version,
         capabilities=EngineCapabilities(
             materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
-            collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+            collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
+            region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
             contact_conditions=frozenset(ContactCondition),
             drives=frozenset({Pinned, Driven, Impulse}),
             force_fields=frozenset({Wind}),

@@ -35,6 +35,7 @@ from gasp_core.contract import (
     PointProblem,
     Shape,
     Snow,
+    SignedDistanceField,
     SphereShape,
 )
 from gasp_core.errors import SceneError
@@ -232,6 +233,9 @@ def _reach(region: Shape, center: Array) -> float:
             return float(np.linalg.norm(np.abs(np.asarray(region.center) - center) + region.half_extents))
         case SphereShape():
             return float(np.linalg.norm(np.asarray(region.center) - center)) + region.radius
+        case SignedDistanceField():
+            half = region.spacing * (np.array(region.values.shape) - 1) / 2
+            return float(np.linalg.norm(np.abs(np.asarray(region.origin) + half - center) + half))
         case _:
             return math.inf
 

@@ -1,9 +1,10 @@
-"""Colliders, winds and drives as rows of numbers, in the engine's units."""
+"""Colliders, winds and drives as rows of numbers, in the engine's units, and the distance fields that rows name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,10 @@ from gasp_core.contract import (
     Drive,
     Driven,
     HalfSpace,
+    PointProblem,
     Shape,
     Side,
+    SignedDistanceField,
     SphereShape,
     Wind,
 )
@@ -24,7 +27,7 @@ from gasp_core.stepping.forcing import rotation_matrix, walls_of
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["collider_rows", "drive_rows", "wind_rows"]
+__all__ = ["FieldTable", "collider_rows", "drive_rows", "wind_rows"]
 
 Array = NDArray[Any]
 
@@ -35,7 +38,49 @@ _CONTACT = {
 }
 
 
-def _fill_shape(row: Array, shape: Shape | None, units: Units) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldTable:
+    """Distance fields one after the other.
+
+    Parameters
+    ----------
+    numbers : (M,)
+        Never empty: some kernels' arguments must not be.
+    fields
+        Those that are in it.
+    begins
+        Where each begins.
+    """
+
+    numbers: Array
+    fields: tuple[SignedDistanceField, ...]
+    begins: tuple[int, ...]
+
+    @classmethod
+    def of(cls, problem: PointProblem, units: Units) -> Self:
+        """All that colliders, drives and winds of a problem name, each once."""
+        regions = [one.region for one in (*problem.drives, *problem.force_fields)]
+        fields: list[SignedDistanceField] = []
+        for shape in [*(one.shape for one in problem.colliders), *regions]:
+            if isinstance(shape, SignedDistanceField) and not any(shape is known for known in fields):
+                fields.append(shape)
+        parts = [
+            np.concatenate([field.values.shape, field.values.reshape(-1).astype(np.float64) / units.spacing])
+            for field in fields
+        ]
+        begins = np.cumsum([0, *(len(part) for part in parts)])[: len(fields)]
+        return cls(
+            numbers=np.concatenate([*parts, np.zeros(1)]),
+            fields=tuple(fields),
+            begins=tuple(int(begin) for begin in begins),
+        )
+
+    def begin_of(self, field: SignedDistanceField) -> int:
+        """Where a field begins."""
+        return next(begin for known, begin in zip(self.fields, self.begins) if known is field)
+
+
+def _fill_shape(row: Array, shape: Shape | None, units: Units, table: FieldTable) -> None:
     if shape is None:
         row[0] = at.EVERYWHERE
     elif isinstance(shape, HalfSpace):
@@ -46,6 +91,11 @@ def _fill_shape(row: Array, shape: Shape | None, units: Units) -> None:
         row[0] = at.BOX
         row[1:4] = units.cells(shape.center)
         row[4:7] = np.asarray(shape.half_extents) / units.spacing
+    elif isinstance(shape, SignedDistanceField):
+        row[0] = at.FIELD
+        row[1:4] = units.cells(shape.origin)
+        row[4] = shape.spacing / units.spacing
+        row[5] = table.begin_of(shape)
     else:
         assert isinstance(shape, SphereShape), shape  # no other kind is declared
         row[0] = at.SPHERE
@@ -53,33 +103,33 @@ def _fill_shape(row: Array, shape: Shape | None, units: Units) -> None:
         row[4] = shape.radius / units.spacing
 
 
-def collider_rows(colliders: tuple[Collider, ...], units: Units) -> Array:
+def collider_rows(colliders: tuple[Collider, ...], units: Units, table: FieldTable) -> Array:
     """Rows (K, `layout.COLLIDER_WIDTH`); a container with flat sides is as many as it has sides."""
     walls = [wall for collider in colliders for wall in walls_of(collider)]
     rows = np.zeros((len(walls), at.COLLIDER_WIDTH))
     for row, wall in zip(rows, walls):
-        _fill_shape(row, wall.shape, units)
+        _fill_shape(row, wall.shape, units, table)
         row[8] = _CONTACT[wall.contact]
         row[9] = wall.friction
         row[10] = 1.0 if wall.side is Side.OUTSIDE else -1.0
     return rows
 
 
-def wind_rows(winds: Sequence[Wind], step: float, units: Units) -> Array:
+def wind_rows(winds: Sequence[Wind], step: float, units: Units, table: FieldTable) -> Array:
     """Rows (K, `layout.WIND_WIDTH`) for steps of `step` [s]."""
     rows = np.zeros((len(winds), at.WIND_WIDTH))
     for row, wind in zip(rows, winds):
-        _fill_shape(row, wind.region, units)
+        _fill_shape(row, wind.region, units, table)
         row[8:11] = np.asarray(wind.velocity) / units.speed
         row[11] = wind.drag * step
     return rows
 
 
-def drive_rows(drives: Sequence[Drive], time: float, units: Units) -> Array:
+def drive_rows(drives: Sequence[Drive], time: float, units: Units, table: FieldTable) -> Array:
     """Rows (K, `layout.DRIVE_WIDTH`) of where the drives' regions are at `time` [s] and how they move."""
     rows = np.zeros((len(drives), at.DRIVE_WIDTH))
     for row, drive in zip(rows, drives):
-        _fill_shape(row, drive.region, units)
+        _fill_shape(row, drive.region, units, table)
         row[14:23] = np.eye(3).reshape(-1)
         if isinstance(drive, Driven):
             elapsed = time - drive.start

@@ -28,11 +28,13 @@ MATERIAL = 0
 HOME = 1
 LABEL_WIDTH = 4
 
-# One shape: kind, then two vectors.
+# One shape: kind, then two vectors. A field: its first node, its spacing, and where it begins in the table of fields:
+# there are the numbers of its nodes along the axes, then the distances [cells].
 PLANE = 0
 BOX = 1
 SPHERE = 2
 EVERYWHERE = 3
+FIELD = 4
 
 # A collider: shape, contact, friction, side.
 STICK = 0

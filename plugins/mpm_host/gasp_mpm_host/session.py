@@ -20,7 +20,7 @@ from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_cha
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
-from gasp_mpm_host.forcing_tables import collider_rows, drive_rows, wind_rows
+from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
 from gasp_mpm_host.rows import Survey
 from gasp_mpm_host.scaling import Units
 
@@ -53,6 +53,10 @@ class SteppedCloud(Protocol):
 
     def set_walls(self, lower: Array, upper: Array) -> None:
         """Hold points and nodes within a box [m] from now on."""
+        ...
+
+    def set_fields(self, numbers: Array) -> None:
+        """Set the distance fields (M,) that rows of what acts name, see `forcing_tables.FieldTable`."""
         ...
 
     def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
@@ -153,7 +157,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         self._units = units = Units.of(problem, accuracy.spacing_for(problem.points.size))
         self._frame = np.array([*units.anchor, units.spacing, units.time, units.mass])
         time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
-        self._colliders = collider_rows(problem.colliders, units)
+        self._fields = fields = FieldTable.of(problem, units)
+        self._colliders = collider_rows(problem.colliders, units, fields)
         self._hardening = hardening_of(problem)
         try:
             cloud = build(problem, units, restart, engine)
@@ -162,6 +167,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
                 f"{engine}: {_farthest(problem.points.reference_positions)}, too far for a grid of spacing"
                 f" {units.spacing:.3g} m: raise the spacing (lower the resolution), or leave that point out"
             ) from error
+        cloud.set_fields(fields.numbers)
         domain = problem.domain
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
             cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
@@ -216,12 +222,12 @@ class MpmSession(SteppedSession[SteppedCloud]):
         begin = self._time
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
-        placed = [drive_rows(drives, begin + index * step, self._units) for index in range(count)]
+        placed = [drive_rows(drives, begin + index * step, self._units, self._fields) for index in range(count)]
         cloud.begin_batch(
             step,
             np.asarray(self._problem.gravity),
             self._colliders,
-            wind_rows(winds, step, self._units),
+            wind_rows(winds, step, self._units, self._fields),
             np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
         )
         done = 0

@@ -28,6 +28,7 @@ from gasp_core.contract import (
     Precision,
     Quantity,
     Sand,
+    SignedDistanceField,
     Snow,
     SphereShape,
     Wind,
@@ -38,7 +39,8 @@ __all__ = ["CAPABILITIES", "gasp_point_engines"]
 
 CAPABILITIES = EngineCapabilities(
     materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
-    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
+    region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
     contact_conditions=frozenset(ContactCondition),
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
@@ -62,7 +64,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="reference-mpm",
             summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
-            contract_version=(1, 1),
+            contract_version=(1, 2),
             capabilities=CAPABILITIES,
             factory="gasp_reference_mpm.engine:ReferenceMpm",
         )

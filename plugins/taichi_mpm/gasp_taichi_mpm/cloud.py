@@ -71,6 +71,7 @@ class Cloud(SortedCloud):
         self._carrier: Any = self._memory.empty((1, 4), np.float64)
         self._chart = self._memory.put(np.zeros(self._chunks * at.SURVEY_WIDTH))
         self._report = self._memory.put(np.zeros(words.REPORT_WIDTH, dtype=np.int32))
+        self.set_fields(np.zeros(1))
         self._begin(problem, restart, engine)
 
     def _seed(self) -> None:
@@ -174,6 +175,10 @@ class Cloud(SortedCloud):
         self._batch[words.WALL_LOW : words.WALL_LOW + 3] = self.units.cells(lower)
         self._batch[words.WALL_HIGH : words.WALL_HIGH + 3] = self.units.cells(upper)
 
+    def set_fields(self, numbers: Array) -> None:
+        """Set the distance fields (M,) that rows of what acts name."""
+        self._fields = self._memory.put(numbers)
+
     def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
         """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows."""
         runtime.require(self._runtime)
@@ -217,6 +222,7 @@ class Cloud(SortedCloud):
                 self._materials,
                 self._batch,
                 self._forcing,
+                self._fields,
                 self._control,
                 self._report,
                 self._tracers,
@@ -239,7 +245,7 @@ class Cloud(SortedCloud):
                 kernels.divide(self._means, self._active, control)
             laws = (self._materials, self._batch_argument, control)
             kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
-            acting = (self._materials, self._batch_argument, self._forcing, control, self._report)
+            acting = (self._materials, self._batch_argument, self._forcing, self._fields, control, self._report)
             carried = (self._tracers, self._homes, self._carrier)
             kernels.update_and_move(*cloud, self._grid, self._active, *acting, *carried, step)
             if self._memory.get(self._report)[words.DRIFTED]:

@@ -21,7 +21,45 @@ def _triple(table: ti.template(), start):
 
 
 @ti.func
-def _distance(table: ti.template(), row, node):
+def _field_distance(table: ti.template(), fields: ti.template(), row, node, shift):
+    """Signed distance of a node, shifted by so many of its spacings, to the surface of the field that `row` names."""
+    spacing = table[row + 4]
+    begin = ti.cast(table[row + 5], ti.i32)
+    place = (node - _triple(table, row + 1)) / spacing + shift
+    low = ti.Vector([0, 0, 0])
+    part = place * 0
+    beyond = place * 0
+    for d in ti.static(range(3)):
+        count = fields[begin + d]
+        within = ti.min(ti.max(place[d], ti.f64(0.0)), count - 1)
+        low[d] = ti.min(ti.cast(within, ti.i32), ti.cast(count, ti.i32) - 2)
+        part[d] = within - low[d]
+        beyond[d] = place[d] - within
+    across = ti.cast(fields[begin + 2], ti.i32)
+    along = ti.cast(fields[begin + 1], ti.i32) * across
+    first = begin + 3 + low[0] * along + low[1] * across + low[2]
+    found = ti.f64(0.0)
+    for i in range(2):
+        for j in range(2):
+            line = first + i * along + j * across
+            share = (1 - i + (2 * i - 1) * part[0]) * (1 - j + (2 * j - 1) * part[1])
+            found += share * ((1 - part[2]) * fields[line] + part[2] * fields[line + 1])
+    return found + spacing * beyond.norm()
+
+
+@ti.func
+def _field_slope(table: ti.template(), fields: ti.template(), row, node):
+    """Its gradient over one spacing, times that."""
+    slope = ti.Vector([ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)])
+    for d in ti.static(range(3)):
+        half = slope * 0
+        half[d] = 0.5
+        slope[d] = _field_distance(table, fields, row, node, half) - _field_distance(table, fields, row, node, -half)
+    return slope
+
+
+@ti.func
+def _distance(table: ti.template(), fields: ti.template(), row, node):
     """Signed distance of a node to the shape at `row`, negative inside."""
     kind = ti.cast(table[row], ti.i32)
     a = _triple(table, row + 1)
@@ -34,12 +72,14 @@ def _distance(table: ti.template(), row, node):
         distance = ti.max(q, ti.f64(0.0)).norm() + ti.min(q.max(), ti.f64(0.0))
     elif kind == at.SPHERE:
         distance = (node - a).norm() - b[0]
+    elif kind == at.FIELD:
+        distance = _field_distance(table, fields, row, node, node * 0)
     return distance
 
 
 @ti.func
-def _normal(table: ti.template(), row, node):
-    """Outward unit normal of the shape at `row`, as `gasp_core.contract.shapes` defines it."""
+def _normal(table: ti.template(), fields: ti.template(), row, node):
+    """Outward unit normal of the shape at `row`, as `gasp_core.contract` defines it."""
     kind = ti.cast(table[row], ti.i32)
     a = _triple(table, row + 1)
     b = _triple(table, row + 4)
@@ -63,8 +103,10 @@ def _normal(table: ti.template(), row, node):
                 normal[1] = sign[1]
             else:
                 normal[2] = sign[2]
-    elif kind == at.SPHERE:
+    elif kind == at.SPHERE or kind == at.FIELD:
         offset = node - a
+        if kind == at.FIELD:
+            offset = _field_slope(table, fields, row, node)
         length = offset.norm()
         if length > 0:
             normal = offset / length
@@ -74,16 +116,19 @@ def _normal(table: ti.template(), row, node):
 
 
 @ti.func
-def is_touched(centre, forcing: ti.template(), control: ti.template()):
+def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: ti.template()):
     """Whether anything besides gravity may act on a node of the block of 4^3 around `centre` [cells].
 
     Where a collider is farther from the centre than the corners are, it touches none of the nodes: no signed distance
-    changes by more than the way between two places.
+    changes by more than the way between two places; an interpolated one by no more than twice that.
     """
     touched = control[words.CLAMP] == 1 or control[words.WINDS] > 0 or control[words.DRIVES] > 0
     row = 0
     while row < control[words.COLLIDERS] * at.COLLIDER_WIDTH:
-        if forcing[row + 10] * _distance(forcing, row, centre) <= ti.f64(_BLOCK_RADIUS + 2 * at.TOUCH):
+        reach = ti.f64(_BLOCK_RADIUS + 2 * at.TOUCH)
+        if ti.cast(forcing[row], ti.i32) == at.FIELD:
+            reach = 2 * reach
+        if forcing[row + 10] * _distance(forcing, fields, row, centre) <= reach:
             touched = True
         row += at.COLLIDER_WIDTH
     return touched
@@ -91,7 +136,14 @@ def is_touched(centre, forcing: ti.template(), control: ti.template()):
 
 @ti.func
 def constrain(
-    v, node, batch: ti.template(), forcing: ti.template(), control: ti.template(), report: ti.template(), drive_set
+    v,
+    node,
+    batch: ti.template(),
+    forcing: ti.template(),
+    fields: ti.template(),
+    control: ti.template(),
+    report: ti.template(),
+    drive_set,
 ):
     """Velocity of a node after everything that acts there.
 
@@ -110,7 +162,7 @@ def constrain(
     winds_end = colliders_end + control[words.WINDS] * at.WIND_WIDTH
     row = colliders_end
     while row < winds_end:
-        if _distance(forcing, row, node) <= 0.0:
+        if _distance(forcing, fields, row, node) <= 0.0:
             rate = forcing[row + 11]
             air = _triple(forcing, row + 8)
             u = (u + rate * air) / (1.0 + rate)
@@ -126,15 +178,15 @@ def constrain(
                 _triple(forcing, row + 20).dot(arm),
             ]
         )
-        if _distance(forcing, row, back + _triple(forcing, row + 8)) <= ti.f64(at.TOUCH):
+        if _distance(forcing, fields, row, back + _triple(forcing, row + 8)) <= ti.f64(at.TOUCH):
             u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
         row += at.DRIVE_WIDTH
     row = 0
     while row < colliders_end:
         side = forcing[row + 10]
-        if side * _distance(forcing, row, node) <= ti.f64(at.TOUCH):
+        if side * _distance(forcing, fields, row, node) <= ti.f64(at.TOUCH):
             contact = ti.cast(forcing[row + 8], ti.i32)
-            n = side * _normal(forcing, row, node)
+            n = side * _normal(forcing, fields, row, node)
             along = u.dot(n)
             if contact == at.STICK:
                 u = u * 0

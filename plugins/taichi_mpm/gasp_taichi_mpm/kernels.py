@@ -66,6 +66,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         materials: Doubles,
         batch: Doubles,
         forcing: Doubles,
+        fields: Doubles,
         control: Ints,
         report: Ints,
         tracers: Positions,
@@ -114,7 +115,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                             clear_block(grid, means, active, control, q)
                     elif phase == words.UPDATE:
                         for q in range(begin, end):
-                            update_block(grid, carrier, active, batch, forcing, control, report, first + step, q)
+                            update_block(grid, carrier, active, batch, forcing, fields, control, report, first + step, q)
                     elif phase == words.MOVE:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.POINTS])
@@ -184,6 +185,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         materials: Doubles,
         batch: Doubles,
         forcing: Doubles,
+        fields: Doubles,
         control: Ints,
         report: Ints,
         tracers: Positions,
@@ -193,7 +195,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
     ):
         """The rest of step number `step` of the batch (GPU)."""
         for q in range(control[words.ACTIVE]):
-            update_block(grid, carrier, active, batch, forcing, control, report, step, q)
+            update_block(grid, carrier, active, batch, forcing, fields, control, report, step, q)
         for p in range(control[words.POINTS]):
             move_point(x, points, labels, grid, materials, batch, control, report, p)
         for p in range(control[words.TRACERS]):

@@ -69,6 +69,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
         active: ti.template(),
         batch: ti.template(),
         forcing: ti.template(),
+        fields: ti.template(),
         control: ti.template(),
         report: ti.template(),
         drive_set,
@@ -77,7 +78,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
         """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
         corner = block_corner(control, active[q])
         origin = ti.cast(ti.Vector([control[words.LOWER + d] for d in range(3)]) + corner, ti.f64)
-        touched = is_touched(origin + 1.5, forcing, control)
+        touched = is_touched(origin + 1.5, forcing, fields, control)
         traced = control[words.TRACERS] > 0
         kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
         for i in range(4):
@@ -89,7 +90,8 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
                     if g[3] > least_mass:
                         v = ti.Vector([g[0], g[1], g[2]]) * (1 / g[3]) + kick
                         if touched:
-                            v = constrain(v, origin + ti.Vector([i, j, k]), batch, forcing, control, report, drive_set)
+                            node = origin + ti.Vector([i, j, k])
+                            v = constrain(v, node, batch, forcing, fields, control, report, drive_set)
                     grid[line + k] = _node4(v[0], v[1], v[2], 0)
                     if traced:
                         presence = ti.min(g[3] / ti.f64(FULL_PRESENCE), ti.f64(1.0))

@@ -77,6 +77,7 @@ class Cloud(SortedCloud):
         runtime.load(self._kernels.module, device)
         self._types = algebra(self._real)
         self._acting = Acting()
+        self.set_fields(np.zeros(1))
         # Zeros, because rows of the chart are wider than what is written, and all of it is looked at.
         self._chart = self._put(np.zeros(self._chunks * at.SURVEY_WIDTH), wp.float64)
         self._meeting = self._put(np.zeros(BARRIER_WIDTH), wp.int32)
@@ -201,6 +202,10 @@ class Cloud(SortedCloud):
         self._acting.clamp = 1
         self._acting.wall_low = wp.vec3d(*self.units.cells(lower).tolist())
         self._acting.wall_high = wp.vec3d(*self.units.cells(upper).tolist())
+
+    def set_fields(self, numbers: Array) -> None:
+        """Set the distance fields (M,) that rows of what acts name."""
+        self._acting.fields = self._put(numbers, wp.float64)
 
     def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
         """Set what acts during the next steps.

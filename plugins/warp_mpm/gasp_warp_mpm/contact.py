@@ -26,11 +26,58 @@ def _triple(table: wp.array(dtype=wp.float64), start: int):
 
 
 @wp.func
-def _distance(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
+def _field_at(fields: wp.array(dtype=wp.float64), begin: int, place: wp.vec3d):
+    """Distance [cells] that a field has at a place counted in its spacings, without the way to it from beyond."""
+    shape = wp.vec3d(fields[begin], fields[begin + 1], fields[begin + 2])
+    low = wp.vec3i()
+    part = wp.vec3d()
+    for d in range(3):
+        within = wp.clamp(place[d], _ZERO, shape[d] - _ONE)
+        low[d] = wp.min(int(within), int(shape[d]) - 2)
+        part[d] = within - wp.float64(low[d])
+    across = int(shape[2])
+    along = int(shape[1]) * across
+    first = begin + 3 + low[0] * along + low[1] * across + low[2]
+    found = _ZERO
+    for i in range(2):
+        for j in range(2):
+            at_line = first + i * along + j * across
+            line = (_ONE - part[2]) * fields[at_line] + part[2] * fields[at_line + 1]
+            share_x = wp.where(i == 1, part[0], _ONE - part[0])
+            share_y = wp.where(j == 1, part[1], _ONE - part[1])
+            found += share_x * share_y * line
+    return found
+
+
+@wp.func
+def _field_distance(s: Acting, row: int, node: wp.vec3d, shift: wp.vec3d):
+    """Signed distance of a node, shifted by so many of its spacings, to the surface of the field that `row` names."""
+    spacing = s.forcing[row + 4]
+    begin = int(s.forcing[row + 5])
+    place = (node - _triple(s.forcing, row + 1)) / spacing + shift
+    beyond = wp.vec3d()
+    for d in range(3):
+        beyond[d] = place[d] - wp.clamp(place[d], _ZERO, s.fields[begin + d] - _ONE)
+    return _field_at(s.fields, begin, place) + spacing * wp.length(beyond)
+
+
+@wp.func
+def _field_slope(s: Acting, row: int, node: wp.vec3d):
+    """Its gradient over one spacing, times that."""
+    slope = wp.vec3d()
+    for d in range(3):
+        half = wp.vec3d()
+        half[d] = wp.float64(0.5)
+        slope[d] = _field_distance(s, row, node, half) - _field_distance(s, row, node, -half)
+    return slope
+
+
+@wp.func
+def _distance(s: Acting, row: int, node: wp.vec3d):
     """Signed distance of a node to the shape at `row`, negative inside."""
-    kind = int(table[row])
-    a = _triple(table, row + 1)
-    b = _triple(table, row + 4)
+    kind = int(s.forcing[row])
+    a = _triple(s.forcing, row + 1)
+    b = _triple(s.forcing, row + 4)
     distance = -_ONE
     if kind == at.PLANE:
         distance = wp.dot(node - a, b)
@@ -39,15 +86,17 @@ def _distance(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
         distance = wp.length(wp.max(q, wp.vec3d())) + wp.min(wp.max(q), _ZERO)
     elif kind == at.SPHERE:
         distance = wp.length(node - a) - b[0]
+    elif kind == at.FIELD:
+        distance = _field_distance(s, row, node, wp.vec3d())
     return distance
 
 
 @wp.func
-def _normal(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
-    """Outward unit normal of the shape at `row`, as `gasp_core.contract.shapes` defines it."""
-    kind = int(table[row])
-    offset = node - _triple(table, row + 1)
-    b = _triple(table, row + 4)
+def _normal(s: Acting, row: int, node: wp.vec3d):
+    """Outward unit normal of the shape at `row`, as `gasp_core.contract` defines it."""
+    kind = int(s.forcing[row])
+    offset = node - _triple(s.forcing, row + 1)
+    b = _triple(s.forcing, row + 4)
     normal = b
     if kind == at.BOX:
         q = wp.abs(offset) - b
@@ -65,7 +114,9 @@ def _normal(table: wp.array(dtype=wp.float64), row: int, node: wp.vec3d):
             normal = wp.vec3d(_ZERO, sign[1], _ZERO)
         else:
             normal = wp.vec3d(_ZERO, _ZERO, sign[2])
-    elif kind == at.SPHERE:
+    elif kind == at.SPHERE or kind == at.FIELD:
+        if kind == at.FIELD:
+            offset = _field_slope(s, row, node)
         length = wp.length(offset)
         normal = wp.vec3d(_ZERO, _ZERO, _ONE)
         if length > _ZERO:
@@ -78,7 +129,7 @@ def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
     u = velocity * _ONE
     for wind in range(s.winds):
         row = s.colliders * at.COLLIDER_WIDTH + wind * at.WIND_WIDTH
-        if _distance(s.forcing, row, node) <= _ZERO:
+        if _distance(s, row, node) <= _ZERO:
             rate = s.forcing[row + 11]
             u = (u + rate * _triple(s.forcing, row + 8)) / (_ONE + rate)
     return u
@@ -96,7 +147,7 @@ def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
             wp.dot(_triple(s.forcing, row + 17), arm),
             wp.dot(_triple(s.forcing, row + 20), arm),
         )
-        if _distance(s.forcing, row, back + _triple(s.forcing, row + 8)) <= _TOUCH:
+        if _distance(s, row, back + _triple(s.forcing, row + 8)) <= _TOUCH:
             u = _triple(s.forcing, row + 23) + wp.cross(_triple(s.forcing, row + 26), arm)
     return u
 
@@ -107,9 +158,9 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
     for collider in range(s.colliders):
         row = collider * at.COLLIDER_WIDTH
         side = s.forcing[row + 10]
-        if side * _distance(s.forcing, row, node) <= _TOUCH:
+        if side * _distance(s, row, node) <= _TOUCH:
             contact = int(s.forcing[row + 8])
-            normal = side * _normal(s.forcing, row, node)
+            normal = side * _normal(s, row, node)
             along = wp.dot(u, normal)
             if contact == at.STICK:
                 u = wp.vec3d()

@@ -39,6 +39,8 @@ class Acting:
     """How many of each; drives have a copy for every step of the batch."""
     forcing: wp.array(dtype=wp.float64)
     """Rows of the colliders, the winds, the drives."""
+    fields: wp.array(dtype=wp.float64)
+    """Distances that rows name."""
 
 
 @cache

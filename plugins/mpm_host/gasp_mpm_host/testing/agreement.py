@@ -22,6 +22,7 @@ from gasp_core.contract import (
     PointState,
     Precision,
     Side,
+    SignedDistanceField,
     SphereShape,
     Status,
     Wind,
@@ -43,8 +44,15 @@ _STEPS = 500
 _TOLERANCE = {"float64": 1e-10, "float32": 1e-5}
 
 
+def _bump(x: float, y: float, z: float, radius: float) -> SignedDistanceField:
+    """A ball on a grid that no other lines up with."""
+    corners = [tuple(value + side * (radius + 0.013) for value in (x, y, z)) for side in (-1, 1)]
+    return SignedDistanceField.sampled(SphereShape(center=(x, y, z), radius=radius), corners[0], corners[1], 0.037)
+
+
 def _obstacles() -> tuple[Collider, ...]:
     return (
+        Collider(shape=_bump(0.33, 0.07, 0.02, 0.11), friction=0.3),
         Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4),
         Collider(shape=SphereShape(center=(0.2, 0.2, 0), radius=0.08), contact=ContactCondition.SLIP),
         Collider(shape=BoxShape(center=(0.5, 0.2, 0.3), half_extents=(0.05, 0.5, 0.5)), contact=ContactCondition.STICK),
@@ -65,6 +73,7 @@ def _forcing() -> dict[str, Any]:
                 angular_velocity=(0.0, 3.0, 5.0),
                 center=(0.3, 0.3, 0.3),
             ),
+            Pinned(region=_bump(0.4, 0.0, 0.4, 0.1), start=0.06, end=0.09),
             Impulse(region=HalfSpace(point=(0, 0, 0.31), normal=(0, 0, 1)), start=0.013, impulse=(1.0, 2.0, 0.0)),
         ),
         "force_fields": (
