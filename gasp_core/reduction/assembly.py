@@ -85,6 +85,8 @@ class Assembly:
         What the engine is given: that of the scene, with this spacing and a resolution that is a number.
     notes
         Sentences for the user about all of it.
+    pinned
+        What the last of the problem's drives hold, behind those of the scene.
     """
 
     problem: PointProblem
@@ -92,6 +94,13 @@ class Assembly:
     bodies: tuple[Body, ...]
     accuracy: EngineAccuracy
     notes: tuple[str, ...] = ()
+    pinned: tuple[str, ...] = ()
+
+    @property
+    def drive_names(self) -> list[str]:
+        """Of the problem's drives, for messages."""
+        own = len(self.problem.drives) - len(self.pinned)
+        return [*(f"drive {number}" for number in range(1, own + 1)), *self.pinned]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +168,7 @@ def assemble(
     columns: dict[str, list[Array]] = {}
     bounds: list[Array] = []
     materials: dict[Material, int] = {}
-    drives: list[Drive] = list(scene.drives)
+    pins: dict[str, Drive] = {}
     start = 0
     for body, ((index, placed), block, motion, choice) in enumerate(zip(moving, blocks, played, choices)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
@@ -169,9 +178,9 @@ def assemble(
         reduction = reduction_of(placed, choice, block, floor, spacing)
         sample = _sample(placed, reduction, block, floor, spacing, carried, before)
         points, volumes = sample.positions + block.centre, sample.volumes
-        matter = matter_of_points(placed, sample.carrier, points, volumes)
+        matter = matter_of_points(placed, sample.carrier, points, volumes, spacing)
         rows = np.array([materials.setdefault(material, len(materials)) for material in matter.materials])
-        drives += matter.drives
+        pins |= matter.drives
         velocities = rigid_velocities(points, volumes, placed.item.velocity, placed.item.angular_velocity)
         if drift is not None:
             velocities = velocities + sample.carrier.gather(block.rest, drift.velocities())
@@ -207,13 +216,16 @@ def assemble(
         points=PointCloud(**joined),
         materials=tuple(materials),
         colliders=scene.colliders,
-        drives=tuple(drives),
+        # Behind those of the scene: of two that hold one place the later wins, and what is pinned stands still.
+        drives=(*scene.drives, *pins.values()),
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
         hints=(GridAnchor(place=(float(x), float(y), float(z))),),
     )
-    return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies), accuracy=accuracy, notes=notes)
+    return Assembly(
+        problem=problem, spacing=spacing, bodies=tuple(bodies), accuracy=accuracy, notes=notes, pinned=tuple(pins)
+    )
 
 
 def _sample(

@@ -7,7 +7,7 @@ by way of matter: of most of them. Where a region says what a part is, it says s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Drive, Material, Pinned, Rigid
 from gasp_core.errors import SceneError
+from gasp_core.reduction.held_region import held_region
 from gasp_core.reduction.rounded_fields import rounded_rows
 from gasp_core.reduction.transfer_operator import TransferOperator
+from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.parts import Part, material_of_part
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.varying import VaryingMaterial, law_of
@@ -39,19 +41,22 @@ class PointMatter:
     rows : (P,)
         Of them, for each point.
     drives
-        That hold parts.
+        That hold parts, by what they hold.
     notes
         Sentences for the user, without their subject: one for each part, and for what varies.
     """
 
     materials: tuple[Material, ...]
     rows: Array
-    drives: tuple[Drive, ...]
+    drives: Mapping[str, Drive]
     notes: tuple[str, ...]
 
 
-def matter_of_points(placed: PlacedObject, carrier: TransferOperator, points: Array, volumes: Array) -> PointMatter:
-    """Materials of the points (P, 3) [m], of volumes (P,) [m^3], that `carrier` takes the object's Gaussians along by.
+def matter_of_points(
+    placed: PlacedObject, carrier: TransferOperator, points: Array, volumes: Array, spacing: float
+) -> PointMatter:
+    """Materials of the points (P, 3) [m], of volumes (P,) [m^3], that `carrier` takes the object's Gaussians along by,
+    for an engine of this spacing [m].
 
     Raises
     ------
@@ -88,9 +93,22 @@ def matter_of_points(placed: PlacedObject, carrier: TransferOperator, points: Ar
     return PointMatter(
         materials=tuple(different),
         rows=renumbered[rows],
-        drives=tuple(Pinned(region=part.region) for part in parts if part.pinned and part.region is not None),
+        drives=dict(_pins(placed.item, of_points, points, spacing)),
         notes=tuple(notes),
     )
+
+
+def _pins(item: SplatObject, of_points: Array, points: Array, spacing: float) -> Iterator[tuple[str, Drive]]:
+    """What holds the pinned parts: their regions or, where they have none, what is nearest to their points."""
+    for index, part in enumerate(item.parts):
+        own = of_points == index
+        if not part.pinned or (part.region is None and not own.any()):
+            continue
+        called = f'object "{item.name}", {part.called(index)}'
+        try:
+            yield called, Pinned(region=part.region or held_region(points[own], points[~own], spacing))
+        except SceneError as error:
+            raise SceneError(f"{called}: {error}") from None
 
 
 def part_of_points(

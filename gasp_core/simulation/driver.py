@@ -168,6 +168,7 @@ def _check_supported(scene: Scene, chosen: ChosenEngine, known: Mapping[str, Tra
         precision=scene.engine.precision,
         fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
         body_names=[body.name for body in prepared.assembly.bodies],
+        drive_names=prepared.assembly.drive_names,
         others=discover().engines.values(),
     )
     return prepared

@@ -18,7 +18,7 @@ _SMALLEST, _LARGEST = 1e-3, 100.0
 """[m]: of what one captures."""
 
 
-def oddities(objects: Sequence[PlacedObject], problem: PointProblem) -> Iterator[str]:
+def oddities(objects: Sequence[PlacedObject], problem: PointProblem, drive_names: Sequence[str]) -> Iterator[str]:
     """A sentence for each.
 
     Parameters
@@ -27,12 +27,15 @@ def oddities(objects: Sequence[PlacedObject], problem: PointProblem) -> Iterator
         All of the scene, placed.
     problem
         As an engine is given it.
+    drive_names
+        Of its drives.
     """
     for placed in objects:
         yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed))
-    for kind, acting in (("drive", problem.drives), ("wind", problem.force_fields)):
-        for number, each in enumerate(acting, start=1):
-            yield from _of_region(f"{kind} {number}" + (f" ({each.kind})" if kind == "drive" else ""), each, problem)
+    for name, drive in zip(drive_names, problem.drives):
+        yield from _of_region(f"{name} ({drive.kind})", drive, problem)
+    for number, wind in enumerate(problem.force_fields, start=1):
+        yield from _of_region(f"wind {number}", wind, problem)
 
 
 def _of_object(placed: PlacedObject) -> Iterator[str]:

@@ -58,7 +58,7 @@ def header_of(
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
-    notes += oddities(prepared.objects, assembly.problem)
+    notes += oddities(prepared.objects, assembly.problem, assembly.drive_names)
     inside = starts_inside(assembly.problem, assembly.spacing)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(

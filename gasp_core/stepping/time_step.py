@@ -34,8 +34,8 @@ from gasp_core.contract import (
     Material,
     PointProblem,
     Shape,
-    Snow,
     SignedDistanceField,
+    Snow,
     SphereShape,
 )
 from gasp_core.errors import SceneError
