@@ -13,7 +13,7 @@ from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
 from gasp_core.io.ply import PlyHeader, parse_header, read_table
 
-__all__ = ["own_properties", "read_npy_column", "read_ply_column"]
+__all__ = ["own_columns", "read_npy_column", "read_ply_column"]
 
 Array = NDArray[Any]
 
@@ -70,26 +70,48 @@ def read_ply_column(path: Path, name: str) -> Array:
     SplatFormatError
         Where the file is no ``.ply``, has no such property (those that it has are named), or is not whole.
     """
-    try:
-        if not path.is_file():
-            raise malformed(path, "is a folder, and has no properties", "give the numbers in a .npy")
-        refuse_unread(path, path.stat().st_size)
-        data = path.read_bytes()
-    except OSError as error:
-        raise malformed(path, f"cannot be read: {error.strerror or error}", "check the path") from None
+    data = _read(path)
     if data[:4] not in (b"ply\n", b"ply\r"):
         raise malformed(path, f"is no .ply, so it has no property {quoted(name)}", "give the numbers in a .npy")
     header = parse_header(data, path)
     vertex = header.element("vertex")
     if vertex is None or name not in vertex.properties:
-        own = ", ".join(quoted(each) for each in own_properties(header)[:8])
+        own = ", ".join(quoted(each) for each in _own_properties(header)[:8])
         raise malformed(path, f"has no property {quoted(name)}", f"beside those of any splat it has {own or 'none'}")
-    column: Array = read_table(data, header, "vertex", path)[name]
+    return _native(read_table(data, header, "vertex", path)[name])
+
+
+def own_columns(path: Path) -> dict[str, Array]:
+    """Scalar properties of a ``.ply``'s Gaussians that are none of any splat's: labels, fields of materials.
+
+    Raises
+    ------
+    SplatFormatError
+        Where the file is no ``.ply``, or not whole.
+    """
+    data = _read(path)
+    header = parse_header(data, path)
+    names = _own_properties(header)
+    table = read_table(data, header, "vertex", path) if names else None
+    return {} if table is None else {name: _native(table[name]) for name in names}
+
+
+def _read(path: Path) -> bytes:
+    try:
+        if not path.is_file():
+            raise malformed(path, "is no file, and has no properties", "give the numbers in a .npy")
+        refuse_unread(path, path.stat().st_size)
+        return path.read_bytes()
+    except OSError as error:
+        raise malformed(path, f"cannot be read: {error.strerror or error}", "check the path") from None
+
+
+def _native(column: Array) -> Array:
+    """A copy in the order of bytes of the machine."""
     return column.astype(column.dtype.newbyteorder("="))
 
 
-def own_properties(header: PlyHeader) -> list[str]:
-    """Properties of a ``.ply``'s Gaussians that are none of any splat's: labels, fields of materials."""
+def _own_properties(header: PlyHeader) -> list[str]:
     vertex = header.element("vertex")
     return [
         name

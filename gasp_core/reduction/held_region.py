@@ -16,8 +16,8 @@ __all__ = ["held_region"]
 Array = NDArray[Any]
 
 _REACH = 1.5
-"""Cells from the matter up to which a place is its own: points feel nodes as far away. A node that is loose there falls,
-and takes the matter with it, however slowly."""
+"""Cells from the matter up to which a place is its own: points feel nodes as far away. What is loose there falls, and
+takes the matter with it, however slowly."""
 _FINER = 2
 """Nodes of the field to a cell, as points of a filled body are."""
 _MOST_NODES = 2**22

@@ -115,7 +115,9 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                             clear_block(grid, means, active, control, q)
                     elif phase == words.UPDATE:
                         for q in range(begin, end):
-                            update_block(grid, carrier, active, batch, forcing, fields, control, report, first + step, q)
+                            update_block(
+                                grid, carrier, active, batch, forcing, fields, control, report, first + step, q
+                            )
                     elif phase == words.MOVE:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.POINTS])
