@@ -93,13 +93,14 @@ def _for_parts(file: Path, gaussians: Gaussians, kind: str) -> tuple[dict[str, A
     import numpy as np
 
     from gasp_core.io.columns import own_columns
-    from gasp_core.scene.floaters import components
+    from gasp_core.scene.floaters import LARGE, components
 
     finite = np.isfinite(gaussians.means).all(axis=1)
     sizes = np.bincount(components(gaussians.means[finite]))[1:].tolist()
-    shown = ", ".join(f"{number}: {size:,}" for number, size in enumerate(sizes[:_MOST_SHOWN], start=1))
+    large = [size for size in sizes[:_MOST_SHOWN] if size >= LARGE * sum(sizes)]
+    shown = ", ".join(f"{number}: {size:,}" for number, size in enumerate(large, start=1))
     lines = [
-        f"    components   {shown}{f', and {len(sizes) - _MOST_SHOWN:,} more' if len(sizes) > _MOST_SHOWN else ''}"
+        f"    components   {shown}{f', and {len(sizes) - len(large):,} smaller' if len(sizes) > len(large) else ''}"
     ]
     properties: dict[str, Any] = {}
     for name, values in own_columns(file).items() if kind.endswith("ply") else ():

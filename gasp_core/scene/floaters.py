@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from gasp_core.scene.placement import robust_box
 
-__all__ = ["component_sizes", "components", "floating"]
+__all__ = ["LARGE", "component_sizes", "components", "floating"]
 
 Array = NDArray[Any]
 
 _CELLS = (32, 16, 8)
 """Voxels along the longest side of the robust box, finest first; a sparse cloud hangs together in coarse ones only."""
-_SHARE = 0.005
+LARGE = 0.005
 """A component is large from this share of all Gaussians on; letters of a word and fruit in a bowl are well above."""
 _TOGETHER = 0.9
 """Share of the Gaussians that must be in large components, or the spacing is too fine to say anything."""
@@ -69,7 +69,7 @@ def _connected(means: Array) -> Array | None:
 
 def _small(labels: Array) -> Array:
     """Which (N,) are in no large component."""
-    return np.bincount(labels)[labels] < _SHARE * len(labels)
+    return np.bincount(labels)[labels] < LARGE * len(labels)
 
 
 def component_sizes(positions: Array, spacing: float) -> Array:

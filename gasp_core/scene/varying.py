@@ -26,7 +26,7 @@ class VaryingMaterial:
     Parameters
     ----------
     base
-        The material; its own numbers hold for what does not vary.
+        The material; its own numbers hold for what does not vary, and are forgotten for what does.
     columns
         By name of a number of it, "density", "youngs_modulus" or "poissons_ratio": a path of a ``.npy``, a
         `PlyProperty`, or an array, of a number for each Gaussian of the file, in its order.
@@ -51,6 +51,8 @@ class VaryingMaterial:
         if not self.columns:
             raise SceneError("VaryingMaterial.columns is empty: say the material itself")
         object.__setattr__(self, "columns", {name: column_of(value) for name, value in self.columns.items()})
+        # What a column replaces decides nothing: scenes that differ in it alone are one.
+        object.__setattr__(self, "base", dataclasses.replace(self.base, **stand_ins(self.columns)))
 
     @classmethod
     def of(cls, kind: type[Material], **numbers: Any) -> VaryingMaterial:
