@@ -62,7 +62,7 @@ def test_a_run_goes_on_with_its_own_cores_where_another_machine_makes_others(
 
 def test_another_reduction_is_another_scene(scene_of, run, tmp_path):
     run(scene_of(reduction=CORES), tmp_path / "a.gasp", frames=2)
-    with pytest.raises(RecordingError, match="the scene or one of its splats has changed"):
+    with pytest.raises(RecordingError, match="the scene, or a file that it names, has changed"):
         run(scene_of(), tmp_path / "a.gasp", resume=True)
 
 
