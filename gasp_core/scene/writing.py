@@ -106,8 +106,8 @@ def _part(part: Part, beside: Path | None) -> dict[str, Any]:
         values["labels"] = _column(part.labels, beside)
     if part.material is not None:
         values["material"] = _material(part.material, beside)
-    # The rest is as it is where nobody says anything.
-    return {name: value for name, value in values.items() if value not in ("", False)}
+    # What nobody said; a label of 0 is said.
+    return {name: value for name, value in values.items() if value is not False and value != ""}
 
 
 def _material(material: Material | VaryingMaterial, beside: Path | None) -> dict[str, Any]:

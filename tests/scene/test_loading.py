@@ -301,6 +301,7 @@ EVERYTHING = Scene(
                 Part(name="pot", region=SphereShape(center=(0.0,) * 3, radius=1.0), pinned=True),
                 Part(component=2, rigid=True),
                 Part(name="leaves", labels=Path("/l.npy"), label=(3, 4), material=MUD),
+                Part(name="soil", labels=Path("/l.npy"), label=0, material=MUD),
                 Part(
                     labels=PlyProperty(property="label"),
                     label=-1,

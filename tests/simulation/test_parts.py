@@ -129,8 +129,8 @@ def test_two_halves_are_springs_in_series_and_do_not_part_at_the_seam(hung, engi
     largest = DENSITY * GRAVITY * 0.5 / LOWER
     assert np.abs(found - springs(heights)).max() <= CELL / 2 * largest
     assert found[0] == pytest.approx(springs(heights)[0], rel=0.03)
-    # The seam is between layers 19 and 20: it is strained by no less than what is above it, and like all else by no more
-    # than the softer half is just below it.
+    # The seam is between layers 19 and 20: it is strained by no less than what is above it, and like all else by no
+    # more than the softer half is just below it.
     strains = -np.diff(found) / np.diff(heights)
     assert strains[24] < strains[19]
     assert strains.max() <= largest
