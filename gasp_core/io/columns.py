@@ -41,6 +41,8 @@ def read_npy_column(path: Path, count: int) -> Array:
         Where it cannot be read, is none, or has numbers of another kind or another number of them.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise malformed(path, "is no ordinary file", _SAVE)
         # Maps the file and reads no more than the header; of Python's own objects it knows nothing.
         mapped: Array = np.lib.format.open_memmap(path, mode="r")
         if mapped.dtype == np.bool_:

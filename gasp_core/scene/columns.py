@@ -95,6 +95,8 @@ def column_digest(column: Column) -> str:
         digest.update(np.ascontiguousarray(column.values).tobytes())
         return digest.hexdigest()
     try:
+        if column.exists() and not column.is_file():
+            raise SceneError(f"{shown(column)}: is no ordinary file: give the numbers in a .npy")
         with column.open("rb") as stream:
             while block := stream.read(2**20):
                 digest.update(block)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import splat_files
 
-from gasp_core.errors import SplatFormatError
+from gasp_core.errors import SceneError, SplatFormatError
 from gasp_core.io.columns import own_columns, read_npy_column, read_ply_column
+from gasp_core.scene.columns import column_digest
 
 COUNT = 7
 
@@ -104,5 +107,19 @@ def test_a_file_that_lies_is_refused_in_one_line(tmp_path, case):
     with pytest.raises(SplatFormatError, match=r"a\.npy: ") as caught:
         read_npy_column(tmp_path / "a.npy", COUNT)
     assert "\n" not in str(caught.value)
-    with pytest.raises(SplatFormatError, match="cannot be read: No such file"):
-        read_npy_column(tmp_path / "gone.npy", COUNT)
+
+
+@pytest.mark.parametrize(("name", "message"), [("gone.npy", "cannot be read: No such file"), (".", "no ordinary file")])
+def test_what_is_no_file_is_refused(tmp_path, name, message):
+    with pytest.raises(SplatFormatError, match=message):
+        read_npy_column(tmp_path / name, COUNT)
+    with pytest.raises(SceneError, match=message):
+        column_digest(tmp_path / name)
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without an end")
+def test_a_file_without_an_end_is_refused():
+    with pytest.raises(SplatFormatError, match="no ordinary file"):
+        read_npy_column(Path("/dev/zero"), COUNT)
+    with pytest.raises(SceneError, match="no ordinary file"):
+        column_digest(Path("/dev/zero"))
