@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         VaryingMaterial,
         Wave,
         load_scene,
+        material_preset,
         scene_to_toml,
     )
     from gasp_core.simulation.driver import simulate
@@ -109,6 +110,7 @@ __all__ = [
     "Wind",
     "compare",
     "load_scene",
+    "material_preset",
     "memory_limit",
     "read_splat",
     "render",
@@ -130,7 +132,7 @@ _HOMES = {
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion RecordingChoice"
-        " Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene scene_to_toml"
+        " Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",

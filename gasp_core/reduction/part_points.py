@@ -212,10 +212,10 @@ def _materials(material: Material | VaryingMaterial, values: dict[str, Array]) -
 def _told(
     part: Part, index: int, material: Material | VaryingMaterial, gaussians: int, points: int, mass: float
 ) -> str:
-    held = ", pinned" if part.pinned else ""
+    law, held = law_of(material), ", pinned" if part.pinned else ""
     none = "" if points else ": it is finer than what is simulated, and moves with what is around it"
     return (
-        f"{part.called(index)}, {law_of(material).kind}{held}: {gaussians:,} Gaussians, {points:,} points,"
+        f"{part.called(index)}, {law.name or law.kind}{held}: {gaussians:,} Gaussians, {points:,} points,"
         f" {mass:.3g} kg{none}"
     )
 

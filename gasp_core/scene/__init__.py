@@ -8,6 +8,8 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.objects import Floaters, Reduction, SplatObject
 from gasp_core.scene.parts import Part
+from gasp_core.scene.preset_table import MaterialPreset
+from gasp_core.scene.presets import material_preset
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import scene_to_toml
@@ -19,6 +21,7 @@ __all__ = [
     "Floaters",
     "FrameSequence",
     "MapChoice",
+    "MaterialPreset",
     "Motion",
     "Part",
     "PlyProperty",
@@ -31,5 +34,6 @@ __all__ = [
     "VaryingMaterial",
     "Wave",
     "load_scene",
+    "material_preset",
     "scene_to_toml",
 ]

@@ -57,12 +57,12 @@ class VaryingMaterial:
     @classmethod
     def of(cls, kind: type[Material], **numbers: Any) -> VaryingMaterial:
         """`VaryingMaterial.of(Elastic, density=400, youngs_modulus="E.npy", poissons_ratio=0.3)`."""
-        plain = {name: value for name, value in numbers.items() if isinstance(value, (int, float))}
+        plain = {name: value for name, value in numbers.items() if name == "name" or isinstance(value, (int, float))}
         columns = {name: value for name, value in numbers.items() if name not in plain}
         return cls(base=kind(**plain, **stand_ins(columns)), columns=columns)
 
 
-def stand_ins(names: Mapping[str, Any]) -> dict[str, float]:
+def stand_ins(names: Mapping[str, Any]) -> dict[str, Any]:
     """A number for each of what varies, so that the rest of a material can be checked without them."""
     return dict.fromkeys(names, _STAND_IN)
 

@@ -14,6 +14,7 @@ from typing import Any, cast
 from gasp_core.contract import BoxShape, Collider, HalfSpace, Material, SphereShape
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.columns import Column, GivenColumn, PlyProperty, column_digest
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
@@ -21,7 +22,7 @@ from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA
 from gasp_core.scene.varying import VaryingMaterial
 
-__all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]
+__all__ = ["MEMORY", "gaussians_digest", "material_table", "motion_table", "scene_to_toml"]
 
 MEMORY = "memory:"
 """Stands before the digest of Gaussians that came from no file."""
@@ -55,7 +56,7 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     for item in scene.objects:
         lines += ["", "[[object]]", *_entries(_object(item, beside))]
     for collider in scene.colliders:
-        lines += ["", "[[collider]]", *_entries(_collider(collider))]
+        lines += ["", "[[collider]]", *_entries(_collider(collider, beside))]
     for drive in scene.drives:
         lines += ["", "[[drive]]", *_entries({"kind": drive.kind, **_fields(drive)})]
     for wind in scene.force_fields:
@@ -91,7 +92,7 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = _path(item.splat, beside)
     if item.material is not None:
-        values["material"] = _material(item.material, beside)
+        values["material"] = material_table(item.material, beside)
     del values["parts"]
     if item.parts:
         values["part"] = [_part(part, beside) for part in item.parts]
@@ -105,16 +106,20 @@ def _part(part: Part, beside: Path | None) -> dict[str, Any]:
     if part.labels is not None:
         values["labels"] = _column(part.labels, beside)
     if part.material is not None:
-        values["material"] = _material(part.material, beside)
+        values["material"] = material_table(part.material, beside)
     # What nobody said; a label of 0 is said.
     return {name: value for name, value in values.items() if value is not False and value != ""}
 
 
-def _material(material: Material | VaryingMaterial, beside: Path | None) -> dict[str, Any]:
+def material_table(material: Material | VaryingMaterial, beside: Path | None = None) -> dict[str, Any]:
+    """A material as the table of a scene file: all its numbers, wherever they are from."""
     if isinstance(material, VaryingMaterial):
         columns = {name: _column(column, beside) for name, column in material.columns.items()}
-        return {**_material(material.base, beside), **columns}
-    return {"model": material.kind, **_fields(material)}
+        return {**material_table(material.base), **columns}
+    values = _fields(material)
+    if not material.name:
+        del values["name"]
+    return {"model": material.kind, **values}
 
 
 def _column(column: Column, beside: Path | None) -> str | dict[str, str]:
@@ -130,9 +135,12 @@ def motion_table(motion: Motion) -> dict[str, Any]:
     return {"kind": motion.kind, **_fields(motion)}
 
 
-def _collider(collider: Collider) -> dict[str, Any]:
+def _collider(collider: Collider, beside: Path | None) -> dict[str, Any]:
     values = _fields(collider)
     shape: dict[str, Any] = values.pop("shape")
+    if isinstance(collider.shape, FileShape):
+        shape[collider.shape.kind] = _path(collider.shape.file, beside)
+        del shape["file"]
     return {**shape, **values}
 
 
@@ -143,7 +151,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, (HalfSpace, BoxShape, SphereShape)):
+    if isinstance(value, (HalfSpace, BoxShape, SphereShape, FileShape)):
         return {"shape": value.kind, **_fields(value)}
     if isinstance(value, (Gaussians, GivenColumn)):
         return ""

@@ -73,6 +73,7 @@ resolution = 64
 @pytest.fixture
 def write(tmp_path):
     (tmp_path / "plant.splat").write_bytes(b"")
+    (tmp_path / "labels.npy").write_bytes(b"")
 
     def make(text: str) -> Path:
         path = tmp_path / "scene.toml"
@@ -190,20 +191,24 @@ REFUSED = {
         ["object[0].motion", "region", "frozen"],
     ),
     "part without a selector": (parted("pinned = true"), ["object[0].part[0]", "one of region, component and labels"]),
-    "part with two": (parted("component = 1, labels = 'plant.splat', label = 1, pinned = true"), ["one of region"]),
+    "part with two": (parted("component = 1, labels = 'labels.npy', label = 1, pinned = true"), ["one of region"]),
     "part that is nothing": (
         parted("component = 1"),
         ["object[0].part[0]", "a material, pinned = true or rigid = true"],
     ),
-    "labels without a label": (parted("labels = 'plant.splat', pinned = true"), ["object[0].part[0].labels", "label"]),
+    "labels without a label": (parted("labels = 'labels.npy', pinned = true"), ["object[0].part[0].labels", "label"]),
     "label without labels": (parted("component = 1, label = 1, pinned = true"), ["part[0].labels", "go together"]),
-    "half a label": (parted("labels = 'plant.splat', label = 1.5, pinned = true"), ["part[0].label:", "whole", "1.5"]),
-    "no label": (parted("labels = 'plant.splat', label = [], pinned = true"), ["part[0].label:", "whole", "()"]),
+    "half a label": (parted("labels = 'labels.npy', label = 1.5, pinned = true"), ["part[0].label:", "whole", "1.5"]),
+    "no label": (parted("labels = 'labels.npy', label = [], pinned = true"), ["part[0].label:", "whole", "()"]),
     "labels that are not there": (
         parted("labels = 'gone.npy', label = 1, pinned = true"),
         ["part[0].labels", "no such file: gone.npy"],
     ),
     "labels of a number": (parted("labels = 3, label = 1, pinned = true"), ["part[0].labels", ".npy", "3"]),
+    "labels of another kind": (
+        parted("labels = 'plant.splat', label = 1, pinned = true"),
+        ["must be a .npy", "plant.splat"],
+    ),
     "property misspelt": (
         parted("labels = { proprety = 'a' }, label = 1, pinned = true"),
         ["part[0].labels.proprety", 'did you mean "property"'],

@@ -18,6 +18,7 @@ from gasp_core import (
     SphereShape,
     SplatObject,
     VaryingMaterial,
+    material_preset,
     scene_to_toml,
     write_splat,
 )
@@ -25,7 +26,8 @@ from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.floaters import components, floating
-from gasp_core.scene.loading import read_stored_scene
+from gasp_core.scene.loading import read_scene, read_stored_scene
+from gasp_core.scene.objects import laws_of
 from gasp_core.scene.selection import place_object
 from gasp_core.simulation.splat_sources import read_source
 
@@ -248,3 +250,31 @@ def test_columns_in_memory_are_kept_as_a_mark(on_disk):
     assert 'labels = "memory:' in text
     kept, _ = read_stored_scene(text, file="kept")
     assert scene_digest(kept, ["00"]) == scene_digest(scene, ["00"])
+
+
+def test_materials_of_parts_are_said_as_those_of_objects():
+    text = """
+    [scene]
+    duration = 1
+    frame_rate = 10
+    [[object]]
+    name = "a"
+    splat = "a.ply"
+    material = "rubber"
+    [[object.part]]
+    component = 1
+    material = { preset = "rubber", youngs_modulus = "E.npy" }
+    [[object.part]]
+    component = 2
+    material = "steel"
+    """
+    scene = read_scene(text, file="a.toml", folder=None)
+    (item,) = scene.objects
+    varying, steel = (part.material for part in item.parts)
+    assert steel == material_preset("steel")
+    assert varying == VaryingMaterial(base=material_preset("rubber"), columns={"youngs_modulus": "E.npy"})
+    assert varying.base.density == item.material.density
+    assert [law.name for law in laws_of(item)] == ["rubber", "rubber", "steel"]
+    again = read_scene(scene_to_toml(scene), file="again", folder=None)
+    assert scene_digest(again, ["00"]) == scene_digest(scene, ["00"])
+    assert again.objects[0].parts[0].material.base.name == "rubber"

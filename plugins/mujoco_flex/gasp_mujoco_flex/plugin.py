@@ -85,7 +85,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="mujoco-flex",
             summary="Finite elements and rigid bodies in MuJoCo: stiff matter and contact at large steps; CPU",
-            contract_version=(1, 0),
+            contract_version=(1, 1),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
@@ -101,6 +101,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 temporal_order=1.0,
                 iterates=True,
                 checkpoints=True,
+                unconditionally_stable=True,
             ),
             factory="gasp_mujoco_flex.engine:MujocoFlex",
             options=MujocoOptions,
