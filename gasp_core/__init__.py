@@ -45,12 +45,15 @@ if TYPE_CHECKING:
         Floaters,
         FrameSequence,
         MapChoice,
+        Part,
+        PlyProperty,
         PythonMotion,
         RecordingChoice,
         Reduction,
         Scene,
         SplatObject,
         Swing,
+        VaryingMaterial,
         Wave,
         load_scene,
         material_preset,
@@ -84,8 +87,10 @@ __all__ = [
     "MapChoice",
     "Metal",
     "NeoHookean",
+    "Part",
     "Pinned",
     "Plasticine",
+    "PlyProperty",
     "Precision",
     "PythonMotion",
     "Recording",
@@ -100,6 +105,7 @@ __all__ = [
     "SphereShape",
     "SplatObject",
     "Swing",
+    "VaryingMaterial",
     "Wave",
     "Wind",
     "compare",
@@ -125,8 +131,8 @@ _HOMES = {
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
-        "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice PythonMotion RecordingChoice Reduction Scene"
-        " SplatObject Swing Wave load_scene material_preset scene_to_toml"
+        "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion RecordingChoice"
+        " Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",

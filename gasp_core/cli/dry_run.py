@@ -52,12 +52,13 @@ def estimated(
 def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
     """Say it in a few lines, the time last."""
     from gasp_core.contract import Fluid, Sand, Snow
+    from gasp_core.scene.objects import laws_of
     from gasp_core.simulation.estimate import EITHER_WAY
 
     for note in found.notes:
         click.echo(note)
     film = " and the film" if filmed else ""
-    flows = any(isinstance(item.material, (Fluid, Sand, Snow)) for item in scene.objects)
+    flows = any(isinstance(law, (Fluid, Sand, Snow)) for item in scene.objects for law in laws_of(item))
     beyond = "; what flows may take several times as long" if flows else ""
     rows = {
         "engine": f"{found.engine} on {found.device}, {found.precision}",

@@ -11,11 +11,13 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
 
 if TYPE_CHECKING:
+    from gasp_core.gaussians import Gaussians
     from gasp_core.scene.placed_solid import PlacedSolid
     from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["inspect"]
 
+_MOST_SHOWN = 12
 _AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
@@ -42,7 +44,8 @@ def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, 
     """Describe a splat file and say what is odd about it.
 
     Prints the number of Gaussians, the degree of the spherical harmonics, the extents, percentiles of scale, opacity
-    and flatness, and everything that may give trouble. With --height, where the object is in a scene that puts it at
+    and flatness, everything that may give trouble, and what parts of an object may be named by: connected components,
+    and properties of a .ply that are none of any splat's. With --height, where the object is in a scene that puts it at
     position = [0, 0, 0], +z up. With --solid, the body that its Gaussians are the surface of: how large, of how many
     parts, how sure that is, and slices of it in a picture.
     """
@@ -52,6 +55,8 @@ def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, 
     gaussians, kind = read(file)
     summary = summarise(gaussians, path=str(file), kind=kind)
     told, lines = summary.to_json(), [summary.to_text()]
+    told["parts"], text = _for_parts(file, gaussians, kind)
+    lines.append(text)
     if solid or height is not None or slices is not None:
         from gasp_core.scene.objects import SplatObject
         from gasp_core.scene.selection import place_object
@@ -81,6 +86,33 @@ def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, 
         print_json(told)
     else:
         click.echo("\n\n".join(lines))
+
+
+def _for_parts(file: Path, gaussians: Gaussians, kind: str) -> tuple[dict[str, Any], str]:
+    """What parts of an object may be named by: its components, and labels in the file itself."""
+    import numpy as np
+
+    from gasp_core.io.columns import own_columns
+    from gasp_core.scene.floaters import LARGE, components
+
+    finite = np.isfinite(gaussians.means).all(axis=1)
+    sizes = np.bincount(components(gaussians.means[finite]))[1:].tolist()
+    large = [size for size in sizes[:_MOST_SHOWN] if size >= LARGE * sum(sizes)]
+    shown = ", ".join(f"{number}: {size:,}" for number, size in enumerate(large, start=1))
+    lines = [
+        f"    components   {shown}{f', and {len(sizes) - len(large):,} smaller' if len(sizes) > len(large) else ''}"
+    ]
+    properties: dict[str, Any] = {}
+    for name, values in own_columns(file).items() if kind.endswith("ply") else ():
+        different, counts = np.unique(values, return_counts=True)
+        if len(different) <= _MOST_SHOWN:
+            properties[name] = dict(zip(map(str, different.tolist()), counts.tolist()))
+            shown = ", ".join(f"{label:g}: {count:,}" for label, count in zip(different, counts))
+        else:
+            properties[name] = {"different": len(different)}
+            shown = f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}, {len(different):,} different"
+        lines.append(f"    {name:<12} {shown}")
+    return {"components": sizes, "properties": properties}, "\n".join(["  for parts, Gaussians of each", *lines])
 
 
 def _in_scene(placed: PlacedObject) -> tuple[dict[str, Any], str]:

@@ -52,6 +52,7 @@ def needs(
     fields: frozenset[Field] = frozenset(),
     checkpoints: bool = False,
     body_names: Sequence[str] = (),
+    drive_names: Sequence[str] = (),
 ) -> list[Need]:
     """Everything a scene asks of an engine, most telling first; the parameters are those of `check_supported`."""
     asked = [
@@ -66,8 +67,9 @@ def needs(
             Need(f'knows no contact "{contact.value}" (collider {number})', "contact_conditions", contact),
         ]
     for number, drive in enumerate(problem.drives, start=1):
-        asked.append(Need(f'knows no drive "{drive.kind}" (drive {number})', "drives", type(drive)))
-        asked.append(_region_need(drive.region, f"drive {number}"))
+        where = drive_names[number - 1] if number <= len(drive_names) else f"drive {number}"
+        asked.append(Need(f'knows no drive "{drive.kind}" ({where})', "drives", type(drive)))
+        asked.append(_region_need(drive.region, where))
     for number, force in enumerate(problem.force_fields, start=1):
         asked.append(Need(f'knows no force field "{force.kind}" (force field {number})', "force_fields", type(force)))
         if force.region is not None:
@@ -109,6 +111,7 @@ def check_supported(
     fields: frozenset[Field] = frozenset(),
     checkpoints: bool = False,
     body_names: Sequence[str] = (),
+    drive_names: Sequence[str] = (),
     others: Iterable[EngineDescriptor] = (),
 ) -> None:
     """Refuse a scene that needs what the engine does not declare.
@@ -127,6 +130,8 @@ def check_supported(
         Whether the run is to go on from a checkpoint.
     body_names
         Names of the bodies 0, 1, 2, ... for the message.
+    drive_names
+        Of the drives, likewise; "drive 1", "drive 2", ... where there are none.
     others
         All installed engines: those that could do what this one cannot are named.
 
@@ -136,7 +141,13 @@ def check_supported(
         In one line: what this engine cannot do, and which engines can.
     """
     asked = needs(
-        problem, device=device, precision=precision, fields=fields, checkpoints=checkpoints, body_names=body_names
+        problem,
+        device=device,
+        precision=precision,
+        fields=fields,
+        checkpoints=checkpoints,
+        body_names=body_names,
+        drive_names=drive_names,
     )
     missing = unmet(asked, descriptor.capabilities)
     if not missing:

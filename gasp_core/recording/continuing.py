@@ -62,7 +62,7 @@ def _refuse_other_scene(found: Recording, wanted: Header) -> None:
         raise RecordingError(f"{found.path}: its scene cannot be compared with this one, {error}: {_ADVICE}") from None
     if kept != wanted.scene_digest:
         raise RecordingError(
-            f"{found.path}: the scene or one of its splats has changed since it was recorded: {_ADVICE}"
+            f"{found.path}: the scene, or a file that it names, has changed since it was recorded: {_ADVICE}"
         )
     if found.forgotten:
         raise RecordingError(

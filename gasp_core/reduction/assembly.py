@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineAccuracy, Material, PointCloud, PointProblem
+from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, PointProblem
 from gasp_core.control import control
 from gasp_core.dynamics.composition import Played, PrescribedMotion, drifted
 from gasp_core.errors import SceneError
@@ -18,6 +18,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
+from gasp_core.reduction.part_points import matter_of_points
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.surfaces import colliders_of, rigid_surfaces
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
@@ -87,6 +88,8 @@ class Assembly:
         What a user would call those of the problem.
     notes
         Sentences for the user about all of it.
+    pinned
+        What the last of the problem's drives hold, behind those of the scene.
     """
 
     problem: PointProblem
@@ -95,6 +98,13 @@ class Assembly:
     accuracy: EngineAccuracy
     colliders: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    pinned: tuple[str, ...] = ()
+
+    @property
+    def drive_names(self) -> list[str]:
+        """Of the problem's drives, for messages."""
+        own = len(self.problem.drives) - len(self.pinned)
+        return [*(f"drive {number}" for number in range(1, own + 1)), *self.pinned]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,7 +171,8 @@ def assemble(
     bodies: list[Body] = []
     columns: dict[str, list[Array]] = {}
     bounds: list[Array] = []
-    materials: list[Material] = []
+    materials: dict[Material, int] = {}
+    pins: dict[str, Drive] = {}
     start = 0
     for body, ((index, placed), block, motion, choice) in enumerate(zip(moving, blocks, played, choices)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
@@ -171,10 +182,9 @@ def assemble(
         reduction = reduction_of(placed, choice, block, floor, spacing)
         sample = _sample(placed, reduction, block, floor, spacing, carried, before)
         points, volumes = sample.positions + block.centre, sample.volumes
-        material = placed.item.material
-        assert material is not None  # SplatObject refuses what moves and is made of nothing
-        if material not in materials:
-            materials.append(material)
+        matter = matter_of_points(placed, sample.carrier, points, volumes, spacing)
+        rows = np.array([materials.setdefault(material, len(materials)) for material in matter.materials])
+        pins |= matter.drives
         velocities = rigid_velocities(points, volumes, placed.item.velocity, placed.item.angular_velocity)
         if drift is not None:
             velocities = velocities + sample.carrier.gather(block.rest, drift.velocities())
@@ -182,7 +192,7 @@ def assemble(
             "reference_positions": points,
             "initial_velocities": velocities,
             "reference_volumes": volumes,
-            "material_ids": np.full(len(points), materials.index(material)),
+            "material_ids": rows[matter.rows],
             "body_ids": np.full(len(points), body),
         }
         for name, column in own.items():
@@ -194,7 +204,11 @@ def assemble(
                 points=slice(start, start + len(points)),
                 block=block,
                 carrier=sample.carrier,
-                notes=(*([motion.note] if motion and motion.note else []), *_told(reduction, choice, sample)),
+                notes=(
+                    *([motion.note] if motion and motion.note else []),
+                    *_told(reduction, choice, sample),
+                    *matter.notes,
+                ),
                 drift=drift if carried else None,
             )
         )
@@ -208,7 +222,8 @@ def assemble(
         points=PointCloud(**joined),
         materials=tuple(materials),
         colliders=tuple(colliders.values()),
-        drives=scene.drives,
+        # Behind those of the scene: of two that hold one place the later wins, and what is pinned stands still.
+        drives=(*scene.drives, *pins.values()),
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
@@ -221,6 +236,7 @@ def assemble(
         accuracy=accuracy,
         colliders=tuple(colliders),
         notes=notes,
+        pinned=tuple(pins),
     )
 
 
@@ -250,7 +266,8 @@ def _sample(
             f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'
             ' Gaussians of it that move: ask for fewer, or for mode = "all"'
         )
-    return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None)
+    kinds = placed.part_numbers[placed.moving]
+    return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None, kinds)
 
 
 def _told(reduction: Reduction, choice: Choice, sample: Sample) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from gasp_core.reduction.cores import CORNERS_A_CELL
 from gasp_core.reduction.occupancy import occupied_cells
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.reduction.volume import POINTS_A_CELL
-from gasp_core.scene.objects import Reduction
+from gasp_core.scene.objects import Reduction, laws_of
 from gasp_core.scene.placed_solid import FEW
 from gasp_core.scene.selection import PlacedObject
 
@@ -142,7 +142,7 @@ def size_of(placed: PlacedObject) -> float:
 
 def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, str]:
     """How many cells along it an object wants, and for what of it."""
-    material, reduction = placed.item.material, placed.item.reduction
+    reduction = placed.item.reduction
     means = placed.gaussians.means[placed.moving & ~placed.floating]
     if mode == "all":
         return _filled_by(len(means) // _GAUSSIANS_A_CELL, means, size), "number of its Gaussians"
@@ -151,7 +151,7 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
         return _filled_by(corners // CORNERS_A_CELL, means, size), "number of its cores"
     if mode == "cores":
         return float(_LAYERS), "thinness"
-    least = _LAYERS if _flows(material) else _COARSEST
+    least = _LAYERS if any(map(_flows, laws_of(placed.item))) else _COARSEST
     solid = placed.solid()
     inside = solid.solid.distance[solid.solid.distance < 0]
     depth = -float(inside.mean(dtype=np.float64)) * solid.scale if len(inside) else solid.detail
@@ -162,7 +162,7 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
     return cells, f"thickness of its matter, some {4e3 * depth:.2g} mm"
 
 
-def _flows(material: Material | None) -> bool:
+def _flows(material: Material) -> bool:
     return isinstance(material, (Fluid, Sand, Snow))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gasp_core.reduction.occupancy import occupied_cells
 from gasp_core.stepping.threads import processors
 
-__all__ = ["cluster", "scatter"]
+__all__ = ["cluster", "cluster_apart", "scatter"]
 
 Array = NDArray[Any]
 
@@ -34,6 +34,25 @@ def cluster(positions: Array, count: int) -> Array:
         return np.zeros(len(positions), dtype=np.int64)
     scaled = (positions - positions.mean(axis=0)) / extent
     return _halved(scaled, _fewer(scaled, count), count)
+
+
+def cluster_apart(positions: Array, kinds: Array, count: int) -> Array:
+    """As `cluster`, none of the clusters having positions of different kinds (N,); one at least of each kind."""
+    _, kinds = np.unique(kinds, return_inverse=True)
+    kinds = kinds.reshape(-1)
+    sizes = np.bincount(kinds)
+    if len(sizes) == 1:
+        return cluster(positions, count)
+    counts = np.maximum(count * sizes // len(kinds), 1)
+    largest = int(np.argmax(sizes))
+    counts[largest] = max(1, count - (int(counts.sum()) - int(counts[largest])))
+    labels = np.empty(len(positions), dtype=np.int64)
+    start = 0
+    for kind, own in enumerate(counts):
+        rows = np.flatnonzero(kinds == kind)
+        labels[rows] = start + cluster(positions[rows], int(own))
+        start = int(labels[rows].max()) + 1
+    return labels
 
 
 def scatter(positions: Array, labels: Array, weights: Array) -> tuple[Array, Array, Array]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
-from gasp_core.reduction.clusters import cluster, scatter
+from gasp_core.reduction.clusters import cluster_apart, scatter
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
@@ -149,7 +149,12 @@ class Matter:
 
 
 def sample_cores(
-    block: Block, reduction: Reduction, floor: float, spacing: float, known: Levels | None = None
+    block: Block,
+    reduction: Reduction,
+    floor: float,
+    spacing: float,
+    known: Levels | None = None,
+    kinds: Array | None = None,
 ) -> Sample:
     """The corners of a body's cores.
 
@@ -166,6 +171,8 @@ def sample_cores(
     known
         Cores that were made of such a body before, on whatever machine, and are to be these where they can be: where
         two clusters are equally near, or two axes equally long, roundings decide, and each processor has its own.
+    kinds : (N,)
+        Parts of the body: a core is of one. None: it has none.
 
     Returns
     -------
@@ -182,7 +189,8 @@ def sample_cores(
     whole = Matter(volumes=volumes, means=means, covariances=covariances)
     matter = None if known is None else _matter_of(known.levels, whole, reduction, floor)
     if known is None or matter is None:
-        levels, matter = _made(whole, block.local.means.astype(np.float64), reduction, floor)
+        kinds = np.zeros(count, dtype=np.int64) if kinds is None else kinds
+        levels, matter = _made(whole, block.local.means.astype(np.float64), kinds, reduction, floor)
     else:
         levels = known.levels
     return Sample(
@@ -194,12 +202,15 @@ def sample_cores(
     )
 
 
-def _made(matter: Matter, places: Array, reduction: Reduction, floor: float) -> tuple[tuple[Level, ...], Matter]:
-    """Levels of cores of matter whose Gaussians are at (N, 3) [m], and what the engine's are of."""
+def _made(
+    matter: Matter, places: Array, kinds: Array, reduction: Reduction, floor: float
+) -> tuple[tuple[Level, ...], Matter]:
+    """Levels of cores of matter whose Gaussians are at (N, 3) [m], of parts (N,), and what the engine's are of."""
     count = len(places)
     levels: list[Level] = []
     for number in _counts(count, reduction.cores_of(count), reduction.levels or 1):
-        labels = cluster(places, number)
+        labels = cluster_apart(places, kinds, number)
+        kinds = kinds[np.unique(labels, return_index=True)[1]]
         matter = matter.clustered(labels)
         cores = Cores(points=corners_of(matter, floor))
         if reduction.transfer == "frame":

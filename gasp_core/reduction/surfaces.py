@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from gasp_core.contract import Collider, Rigid
 from gasp_core.scene.file_shapes import resolved
 from gasp_core.scene.model import Scene
+from gasp_core.scene.objects import laws_of
 from gasp_core.scene.placed_solid import FEW
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.solid_fields import field_of
@@ -48,7 +49,7 @@ def rigid_surfaces(moving: Sequence[PlacedObject]) -> tuple[BodyShape, ...]:
     """
     found: list[BodyShape] = []
     for body, placed in enumerate(moving):
-        if isinstance(placed.item.material, Rigid) and placed.moving.sum() > FEW:
+        if all(isinstance(law, Rigid) for law in laws_of(placed.item)) and placed.moving.sum() > FEW:
             solid = placed.solid()
             if not solid.solid.is_empty:
                 found.append(BodyShape(body=body, shape=field_of(solid, placed.item.name)))

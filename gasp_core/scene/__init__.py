@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from gasp_core.scene.columns import PlyProperty
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.objects import Floaters, Reduction, SplatObject
+from gasp_core.scene.parts import Part
 from gasp_core.scene.preset_table import MaterialPreset
 from gasp_core.scene.presets import material_preset
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import scene_to_toml
 
 __all__ = [
@@ -20,12 +23,15 @@ __all__ = [
     "MapChoice",
     "MaterialPreset",
     "Motion",
+    "Part",
+    "PlyProperty",
     "PythonMotion",
     "RecordingChoice",
     "Reduction",
     "Scene",
     "SplatObject",
     "Swing",
+    "VaryingMaterial",
     "Wave",
     "load_scene",
     "material_preset",

@@ -16,10 +16,11 @@ from typing import Any, cast
 
 from gasp_core.contract import Collider, EngineAccuracy
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.columns import Column, PlyProperty
 from gasp_core.scene.file_shapes import FileShape, known_by_content
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import PythonMotion
-from gasp_core.scene.objects import SplatObject, UpAxis
+from gasp_core.scene.objects import SplatObject, UpAxis, with_columns
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.schema import SCHEMA
 from gasp_core.scene.settings import EngineChoice, RecordingChoice
@@ -36,7 +37,7 @@ def scene_digest(scene: Scene, sources: Sequence[str]) -> str:
     scene
         Also one that a recording has kept.
     sources
-        SHA-256 of each object's splat, and of the function it moves by.
+        SHA-256 of each object's splat, of its columns, and of the function it moves by.
     """
     deciding = dataclasses.replace(
         scene,
@@ -88,7 +89,13 @@ def _object(item: SplatObject, source: str) -> dict[str, Any]:
     if isinstance(motion, PythonMotion):
         # What the function does, the digest of the object's source knows; where it lies decides nothing.
         motion = dataclasses.replace(motion, function="any:function")
-    return what_differs(dataclasses.replace(item, splat=Path(source), motion=motion, up=_up(item)))
+    item = with_columns(dataclasses.replace(item, motion=motion, up=_up(item)), _anywhere)
+    return what_differs(dataclasses.replace(item, splat=Path(source)))
+
+
+def _anywhere(column: Column) -> Column:
+    """What is in a file, the digest of the object's source knows; where it lies decides nothing."""
+    return column if isinstance(column, PlyProperty) else Path("any.npy")
 
 
 def _up(item: SplatObject) -> UpAxis:

@@ -20,13 +20,14 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
-from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.columns import Column
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
-from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject, with_columns
+from gasp_core.scene.part_tables import read_part
 from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
@@ -44,8 +45,9 @@ _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 """Python's reader of TOML takes time with the square of a key's parts."""
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
-    "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion", "collider",
+    "name", "splat", "material", "part", "static", "up", "height", "metres_per_unit", "position", "rotation",
+    "velocity", "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
+    "collider",
 )  # fmt: skip
 
 
@@ -124,10 +126,17 @@ def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tu
 
 def _placed_beside(scene: Scene, folder: Path) -> Scene:
     """The same with relative paths of files starting at a folder."""
+
+    def here(path: Path) -> Path:
+        return path if str(path).startswith(MEMORY) else folder / path
+
+    def moved(column: Column) -> Column:
+        return here(column) if isinstance(column, Path) else column
+
     objects = tuple(
-        item
-        if isinstance(item.splat, Gaussians) or str(item.splat).startswith(MEMORY)
-        else dataclasses.replace(item, splat=folder / item.splat)
+        dataclasses.replace(
+            with_columns(item, moved), splat=here(item.splat) if isinstance(item.splat, Path) else item.splat
+        )
         for item in scene.objects
     )
     colliders = tuple(
@@ -231,7 +240,8 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
     values: dict[str, Any] = {"name": table.text("name"), "splat": path_of(table, "splat", folder)}
     if table.has("material"):
-        values["material"] = read_material(table)
+        values["material"] = read_material(table, folder=folder)
+    values["parts"] = tuple(read_part(each, folder) for each in table.tables("part"))
     for key in ("height", "metres_per_unit"):
         if table.has(key):
             values[key] = table.number(key)

@@ -71,11 +71,17 @@ def refuse_untrusted(scene: Scene, trust_code: bool) -> None:
 def without_code(scene: Scene) -> Scene:
     """The scene with what its code would move standing still, to check all else of it before anything is imported.
 
-    Where an object is, and so what of it is inside its region, its code may decide: that is left for later.
+    Where an object is, and so what of it is inside its region and those of its parts, its code may decide: that is left
+    for later.
     """
     owners = {code.owner for code in code_of(scene)}
     objects = tuple(
-        dataclasses.replace(item, region=None, motion=dataclasses.replace(item.motion, function=_still))
+        dataclasses.replace(
+            item,
+            region=None,
+            parts=tuple(part for part in item.parts if part.region is None),
+            motion=dataclasses.replace(item.motion, function=_still),
+        )
         if item.name in owners and isinstance(item.motion, PythonMotion)
         else item
         for item in scene.objects

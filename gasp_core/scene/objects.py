@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
@@ -13,10 +14,16 @@ from gasp_core.contract.forcing import check_friction
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.columns import Column
 from gasp_core.scene.motions import FrameSequence, Motion
+from gasp_core.scene.parts import Part, material_of_part
+from gasp_core.scene.varying import VaryingMaterial, law_of
 from gasp_core.solid.options import SolidOptions
 
-__all__ = ["Contact", "Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis", "check_rotation"]
+__all__ = [
+    "Contact", "Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis", "check_rotation", "columns_of", "laws_of",
+    "with_columns",
+]  # fmt: skip
 
 _LONGEST_NAME = 200
 
@@ -138,6 +145,8 @@ class SplatObject:
         A splat file (or folder, for unpacked .sog, or of frames), or the Gaussians themselves.
     material
         What it is made of; None only with `static`.
+    parts
+        What of it is something else, or held: matter that is in none of them is `material`.
     static
         Drawn where it stands, never simulated.
     collider
@@ -183,7 +192,8 @@ class SplatObject:
 
     name: str
     splat: Path | Gaussians
-    material: Material | None = None
+    material: Material | VaryingMaterial | None = None
+    parts: tuple[Part, ...] = ()
     static: bool = False
     collider: Contact | None = None
     up: UpAxis | None = None
@@ -218,6 +228,13 @@ class SplatObject:
             )
         if not self.static and self.material is None:
             raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
+        object.__setattr__(self, "parts", tuple(self.parts))
+        if self.static and self.parts:
+            raise SceneError(f'SplatObject.parts of "{self.name}" have no meaning with static: leave one of them out')
+        names = [part.name for part in self.parts if part.name]
+        for name in names:
+            if names.count(name) > 1:
+                raise SceneError(f'SplatObject.parts of "{self.name}" has two named "{name}": give each its own name')
         if self.up is not None and self.up not in UP_AXES:
             raise SceneError(f"SplatObject.up must be one of {', '.join(UP_AXES)}, found {self.up!r}")
         if self.height is not None and self.metres_per_unit is not None:
@@ -236,6 +253,44 @@ class SplatObject:
             raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
         if self.motion is not None:
             _check_motion(self, self.motion)
+
+
+def laws_of(item: SplatObject) -> tuple[Material, ...]:
+    """What an object and each of its parts are made of, whatever of it varies; nothing where it is static."""
+    own = item.material
+    return () if own is None else (law_of(own), *(law_of(material_of_part(part, own)) for part in item.parts))
+
+
+def with_columns(item: SplatObject, change: Callable[[Column], Column]) -> SplatObject:
+    """The object with every column of its material and its parts changed, those first."""
+
+    def varied(material: Material | VaryingMaterial | None) -> Material | VaryingMaterial | None:
+        if not isinstance(material, VaryingMaterial):
+            return material
+        return replace(material, columns={name: change(column) for name, column in material.columns.items()})
+
+    own = varied(item.material)
+    parts = tuple(
+        replace(
+            part,
+            labels=None if part.labels is None else change(part.labels),
+            material=varied(part.material),
+        )
+        for part in item.parts
+    )
+    return replace(item, material=own, parts=parts)
+
+
+def columns_of(item: SplatObject) -> list[Column]:
+    """The columns of its material and its parts, in the order of `with_columns`."""
+    found: list[Column] = []
+
+    def note(column: Column) -> Column:
+        found.append(column)
+        return column
+
+    with_columns(item, note)
+    return found
 
 
 def _check_motion(owner: SplatObject, motion: Motion) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from gasp_core.contract import MATERIALS, Material
 from gasp_core.errors import SceneError
+from gasp_core.scene.column_tables import read_varying
 from gasp_core.scene.preset_table import MaterialPreset
 from gasp_core.scene.presets import find_preset, numbers_as
 from gasp_core.scene.tables import Table, kind_of
+from gasp_core.scene.varying import VaryingMaterial
 
 __all__ = ["read_material"]
 
 
-def read_material(owner: Table, key: str = "material") -> Material:
+def read_material(owner: Table, key: str = "material", *, folder: Path | None) -> Material | VaryingMaterial:
     """The material that a key of a table says.
 
     Parameters
@@ -23,6 +26,8 @@ def read_material(owner: Table, key: str = "material") -> Material:
     key
         Whose value is a text, ``"rubber"``; a table with a preset, ``{ preset = "rubber", youngs_modulus = 2e6 }``; or
         one with a model, ``{ model = "elastic", density = 400, ... }``.
+    folder
+        That paths of columns start at; None: they are taken as they are.
 
     Raises
     ------
@@ -36,7 +41,7 @@ def read_material(owner: Table, key: str = "material") -> Material:
         owner.fail(key, f"must be the name of a preset, or a table, found {kind_of(value)}")
     table = owner.table(key)
     if not table.has("preset"):
-        return table.build(table.choice("model", MATERIALS), tag="model")
+        return read_varying(table, table.choice("model", MATERIALS), folder)
     preset = _preset(table, "preset", table.text("preset"))
     kind: type[Material] = table.choice("model", MATERIALS, preset.material.kind)
     try:
@@ -44,7 +49,7 @@ def read_material(owner: Table, key: str = "material") -> Material:
     except SceneError as error:
         table.fail("model", str(error))
     own = {name: number for name, number in table.values.items() if name != "preset"}
-    return table.at(table.path, {**taken, **own}).build(kind, tag="model")
+    return read_varying(table.at(table.path, {**taken, **own}), kind, folder)
 
 
 def _preset(table: Table, key: str, name: str) -> MaterialPreset:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.floaters import floating
+from gasp_core.scene.membership import Fields, checked_fields, fields_of, in_regions, part_numbers, selected_by_file
 from gasp_core.scene.objects import Floaters, SplatObject
 from gasp_core.scene.placed_solid import FEW, PlacedSolid, solid_behind
 from gasp_core.scene.placement import Placement, place, placement_of, up_axis
@@ -97,6 +98,10 @@ class PlacedObject:
         How they came from the file's frame into the world.
     set_aside
         What is not simulated, and why.
+    selected : (K, N)
+        Masks of the Gaussians that each of its parts has.
+    fields
+        What of its materials varies.
     """
 
     item: SplatObject
@@ -106,6 +111,13 @@ class PlacedObject:
     rows: Array
     placement: Placement
     set_aside: SetAside
+    selected: Array
+    fields: Fields
+
+    @property
+    def part_numbers(self) -> Array:
+        """For each Gaussian (N,) the part it is in, from 0 on, -1 where it is in none."""
+        return part_numbers(self.selected)
 
     def solid(self) -> PlacedSolid:
         """The body that all of it that does not float is the surface of, in the world."""
@@ -131,7 +143,7 @@ def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     Raises
     ------
     SceneError
-        Where nothing is left to draw.
+        Where nothing is left to draw, or parts name what there is not.
     """
     finite = _finite_rows(gaussians)
     visible = (gaussians.scales > 0).any(axis=1) & (gaussians.scales >= 0).all(axis=1)
@@ -148,8 +160,9 @@ def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     # The object is as tall as its connected parts; what floats above it does not count, whatever becomes of it.
     placement = placement_of(item, gaussians.select(rows[~floats]))
     count = int(floats.sum())
+    selected = selected_by_file(item, gaussians, rows)
     if item.floaters is Floaters.DROP:
-        rows, floats = rows[~floats], np.zeros(len(rows) - count, dtype=bool)
+        rows, selected, floats = rows[~floats], selected[:, ~floats], np.zeros(len(rows) - count, dtype=bool)
     placed = place(gaussians.select(rows), placement)
     moving = np.full(len(rows), not item.static)
     if item.floaters is Floaters.STILL:
@@ -173,6 +186,8 @@ def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
             rows=rows,
             placement=placement,
             set_aside=set_aside,
+            selected=selected,
+            fields=fields_of(item, len(gaussians), rows),
         )
     )
 
@@ -194,12 +209,13 @@ def _standing(placed: PlacedObject) -> PlacedObject:
 
 
 def bounded_by_region(placed: PlacedObject) -> PlacedObject:
-    """The object with what is outside its region standing still.
+    """The object with what is outside its region standing still, and its parts by those of theirs.
 
     Raises
     ------
     SceneError
-        Where nothing is left to simulate of an object that is not static.
+        Where nothing is left to simulate of an object that is not static, or of a part; where parts overlap, or what
+        varies has impossible values.
     """
     item, moving = placed.item, placed.moving
     outside = np.zeros_like(moving)
@@ -212,7 +228,9 @@ def bounded_by_region(placed: PlacedObject) -> PlacedObject:
             " move the region (it is in world coordinates, metres, +z up), or say static = true"
         )
     set_aside = dataclasses.replace(placed.set_aside, outside_region=int(outside.sum()))
-    return dataclasses.replace(placed, moving=moving, set_aside=set_aside)
+    selected = in_regions(item, placed.selected, placed.gaussians.means, moving)
+    checked_fields(item, placed.fields, part_numbers(selected), placed.rows, moving)
+    return dataclasses.replace(placed, moving=moving, set_aside=set_aside, selected=selected)
 
 
 def _finite_rows(gaussians: Gaussians) -> Array:

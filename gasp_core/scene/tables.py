@@ -148,8 +148,10 @@ class Table:
         value = self.values.get(key, [])
         entries = cast("list[Any]", value) if isinstance(value, list) else [None]
         if not all(isinstance(entry, Mapping) for entry in entries):
-            self.fail(key, f"must be an array of tables, written [[{key}]], found {kind_of(value)}")
-        return [self.at(f"{key}[{index}]", cast("Mapping[str, Any]", entry)) for index, entry in enumerate(entries)]
+            written = re.sub(r"\[\d+\]", "", f"{self.path}.{key}" if self.path else key)
+            self.fail(key, f"must be an array of tables, written [[{written}]], found {kind_of(value)}")
+        path = f"{self.path}.{key}" if self.path else key
+        return [self.at(f"{path}[{index}]", cast("Mapping[str, Any]", entry)) for index, entry in enumerate(entries)]
 
     def build(self, kind: type[Made], *, tag: str | None = None, **given: Any) -> Made:
         """An instance of a dataclass from the keys named like its fields.

@@ -13,11 +13,14 @@ from typing import Any, cast
 
 from gasp_core.contract import BoxShape, Collider, HalfSpace, Material, SphereShape
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.columns import Column, GivenColumn, PlyProperty, column_digest
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA
+from gasp_core.scene.varying import VaryingMaterial
 
 __all__ = ["MEMORY", "gaussians_digest", "material_table", "motion_table", "scene_to_toml"]
 
@@ -89,18 +92,42 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = _path(item.splat, beside)
     if item.material is not None:
-        values["material"] = material_table(item.material)
+        values["material"] = material_table(item.material, beside)
+    del values["parts"]
+    if item.parts:
+        values["part"] = [_part(part, beside) for part in item.parts]
     if item.motion is not None:
         values["motion"] = motion_table(item.motion)
     return values
 
 
-def material_table(material: Material) -> dict[str, Any]:
+def _part(part: Part, beside: Path | None) -> dict[str, Any]:
+    values = _fields(part)
+    if part.labels is not None:
+        values["labels"] = _column(part.labels, beside)
+    if part.material is not None:
+        values["material"] = material_table(part.material, beside)
+    # What nobody said; a label of 0 is said.
+    return {name: value for name, value in values.items() if value is not False and value != ""}
+
+
+def material_table(material: Material | VaryingMaterial, beside: Path | None = None) -> dict[str, Any]:
     """A material as the table of a scene file: all its numbers, wherever they are from."""
+    if isinstance(material, VaryingMaterial):
+        columns = {name: _column(column, beside) for name, column in material.columns.items()}
+        return {**material_table(material.base), **columns}
     values = _fields(material)
     if not material.name:
         del values["name"]
     return {"model": material.kind, **values}
+
+
+def _column(column: Column, beside: Path | None) -> str | dict[str, str]:
+    if isinstance(column, PlyProperty):
+        return {"property": column.property}
+    if isinstance(column, GivenColumn):
+        return MEMORY + column_digest(column)
+    return str(column) if str(column).startswith(MEMORY) else _path(column, beside)
 
 
 def motion_table(motion: Motion) -> dict[str, Any]:
@@ -126,7 +153,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     if isinstance(value, (HalfSpace, BoxShape, SphereShape, FileShape)):
         return {"shape": value.kind, **_fields(value)}
-    if isinstance(value, Gaussians):
+    if isinstance(value, (Gaussians, GivenColumn)):
         return ""
     if isinstance(value, Enum):
         return value.value

@@ -218,6 +218,7 @@ def _check_supported(
         precision=scene.engine.precision,
         fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
         body_names=names,
+        drive_names=prepared.assembly.drive_names,
         others=discover().engines.values(),
     )
     if judged is not None:

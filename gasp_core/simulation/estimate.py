@@ -32,6 +32,7 @@ from gasp_core.contract import (
 )
 from gasp_core.processes.usage import usage_so_far
 from gasp_core.scene.model import Scene
+from gasp_core.scene.objects import laws_of
 from gasp_core.simulation.driver import simulate_part
 from gasp_core.simulation.engine_choice import choose_engine
 
@@ -171,7 +172,7 @@ def estimate_run(
     # Of the short frames that were run, in the whole run's time.
     trials = frames * _SHORTER / len(rest)
     later = max(
-        (_LATER_OF.get(type(item.material), _LATER) for item in scene.objects if item.material is not None),
+        (_LATER_OF.get(type(law), _LATER) for item in scene.objects for law in laws_of(item)),
         default=_LATER,
     )
     return Estimate(

@@ -8,6 +8,7 @@ import numpy as np
 
 from gasp_core.contract import Collider, Drive, ForceField, PointProblem, Side, SignedDistanceField
 from gasp_core.reduction.assembly import Assembly
+from gasp_core.scene.objects import laws_of
 from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["oddities"]
@@ -33,9 +34,10 @@ def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[st
         yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed))
     for name, collider in zip(assembly.colliders, problem.colliders):
         yield from _of_collider(name, collider, assembly.spacing)
-    for kind, acting in (("drive", problem.drives), ("wind", problem.force_fields)):
-        for number, each in enumerate(acting, start=1):
-            yield from _of_region(f"{kind} {number}" + (f" ({each.kind})" if kind == "drive" else ""), each, problem)
+    for name, drive in zip(assembly.drive_names, problem.drives):
+        yield from _of_region(f"{name} ({drive.kind})", drive, problem)
+    for number, wind in enumerate(problem.force_fields, start=1):
+        yield from _of_region(f"wind {number}", wind, problem)
 
 
 def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]:
@@ -53,15 +55,27 @@ def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]
 def _of_object(placed: PlacedObject) -> Iterator[str]:
     if placed.item.static and placed.item.collider is None:
         yield "is drawn only, nothing collides with it (collider = true: everything that moves does)"
-    material, means = placed.item.material, placed.gaussians.means[~placed.floating]
-    if material is not None and not _LIGHTEST <= material.density <= _HEAVIEST:
-        what = "less than any solid's or liquid's" if material.density < _LIGHTEST else "more than any metal's"
-        yield f"its density of {material.density:g} kg/m^3 is {what}: water has 1000"
+    means = placed.gaussians.means[~placed.floating]
+    for density in dict.fromkeys(_densities(placed)):
+        if not _LIGHTEST <= density <= _HEAVIEST:
+            what = "less than any solid's or liquid's" if density < _LIGHTEST else "more than any metal's"
+            yield f"its density of {density:g} kg/m^3 is {what}: water has 1000"
     size = float(np.ptp(means, axis=0).max()) if len(means) > 1 else 0.0
     if size > _LARGEST or 0 < size < _SMALLEST:
         said = placed.item.height is not None or placed.item.metres_per_unit is not None
         advice = "lengths are in metres" if said else "say its height; a unit of the file is a metre otherwise"
         yield f"it is {size:.3g} m long: {advice}"
+
+
+def _densities(placed: PlacedObject) -> Iterator[float]:
+    """Those that it, or a part of it, has; the least and the greatest where it varies."""
+    for index, law in enumerate(laws_of(placed.item)):
+        column = placed.fields[index].get("density")
+        if column is None:
+            yield law.density
+            continue
+        own = column[placed.moving & (placed.part_numbers == index - 1)]
+        yield from (float(own.min()), float(own.max())) if len(own) else ()
 
 
 def _of_region(name: str, acting: Drive | ForceField, problem: PointProblem) -> Iterator[str]:

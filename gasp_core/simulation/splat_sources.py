@@ -18,9 +18,10 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.reduction.assembly import Assembly, assemble
 from gasp_core.reduction.transfer_operator import TransferOperator
+from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import FrameSequence, PythonMotion
-from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.objects import SplatObject, columns_of
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest
 
@@ -81,9 +82,18 @@ def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -
 
 
 def read_source(item: SplatObject) -> tuple[Gaussians, str]:
-    """The Gaussians of an object, of frames those of the first, and the digest of where they and psi come from."""
+    """The Gaussians of an object, of frames those of the first, and the digest of all that it comes from."""
+    gaussians, digest = _read_splat_and_motion(item)
+    digests = [found for column in columns_of(item) if (found := column_digest(column))]
+    if digests:
+        digest = hashlib.sha256(" ".join([digest, *digests]).encode()).hexdigest()
+    return gaussians, digest
+
+
+def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
+    """The Gaussians, and the digest of where they and psi come from."""
     if isinstance(item.motion, PythonMotion):
-        gaussians, own = read_source(dataclasses.replace(item, motion=None))
+        gaussians, own = _read_splat_and_motion(dataclasses.replace(item, motion=None))
         return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
     if isinstance(item.splat, Gaussians):
         return item.splat, gaussians_digest(item.splat)

@@ -18,7 +18,7 @@ def test_a_run_takes_resolution_and_cores_and_is_gone_on_with_by_the_same_words(
     assert (again.status, recording.status) == (0, "complete"), again
     other = gasp("run", "scene.toml", "--resume", "--resolution", "13", "--cores", "0.25", "--device", "cpu")
     assert other.status == 2
-    assert "the scene or one of its splats has changed" in other.err
+    assert "the scene, or a file that it names, has changed" in other.err
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ nothing but `GaspError`.
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import random
 import sys
@@ -134,11 +135,13 @@ def scene_seeds() -> list[Seed]:
 
 
 def beside_scenes(folder: Path) -> None:
-    """The splat and the cameras that the scenes name."""
+    """The splat, the columns and the cameras that the scenes name."""
     from gasp_core.io import write_splat
     from gasp_core.toy import make_toy
 
     write_splat(folder / "toy.ply", make_toy(64))
+    np.save(folder / "labels.npy", np.arange(64) % 3)
+    np.save(folder / "field.npy", np.linspace(1e4, 1e5, 64))
     (folder / "cameras.json").write_bytes(camera_seeds()[0].parts["cameras.json"])
 
 
@@ -164,6 +167,32 @@ def read_scene(path: Path) -> None:
     ]
     prepared = prepare(dataclasses.replace(scene, objects=tuple(harmless)))
     scene_digest(scene, prepared.digests)
+
+
+# --- columns --------------------------------------------------------------------------------------------------------
+
+
+def column_seeds() -> list[Seed]:
+    """A number for each of 20 Gaussians: arrays of several types, and a .ply with a property of its own."""
+    rng = np.random.default_rng(0)
+    seeds: list[Seed] = []
+    for kind in ("<f4", ">f8", "u1", "<i8", "?"):
+        stream = io.BytesIO()
+        np.save(stream, rng.integers(0, 2, 20).astype(kind))
+        seeds.append(plain(f"{kind[-2:].strip('?<>') or 'truth'}.npy", stream.getvalue()))
+    names = [*((name, "float") for name in splat_files.inria_names(0)), ("label", "int")]
+    return [*seeds, plain("label.ply", splat_files.ply(names, rng.normal(size=(20, len(names)))))]
+
+
+def read_column(path: Path) -> None:
+    """As labels and fields of a scene, and as ``gasp inspect`` does."""
+    from gasp_core.io.columns import own_columns, read_npy_column, read_ply_column
+
+    if path.suffix == ".ply":
+        assert read_ply_column(path, "label").ndim == 1
+        own_columns(path)
+    else:
+        assert read_npy_column(path, 20).shape == (20,)
 
 
 # --- cameras --------------------------------------------------------------------------------------------------------
@@ -242,6 +271,7 @@ FAULTY = Target(
 TARGETS: dict[str, Target] = {
     "splats": Target(seeds=splat_seeds, read=read_splat),
     "scenes": Target(seeds=scene_seeds, read=read_scene, prepare=beside_scenes),
+    "columns": Target(seeds=column_seeds, read=read_column),
     "cameras": Target(seeds=camera_seeds, read=read_cameras),
     "conversations": Target(seeds=lambda: [plain("worker.jsonl", said())], read=read_conversation),
     "recordings": Target(seeds=recording_seeds, read=read_recording, prepare=in_haste),

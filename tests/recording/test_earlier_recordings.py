@@ -146,7 +146,7 @@ def test_another_scene_or_other_options_are_refused_whatever_the_version(kept, r
     scene = scenes.scene(version)
     before = sorted(file.relative_to(path) for file in path.rglob("*"))
     for changed, says in (
-        ({"gravity": (0.0, 0.0, -1.6)}, "the scene or one of its splats has changed"),
+        ({"gravity": (0.0, 0.0, -1.6)}, "the scene, or a file that it names, has changed"),
         (
             {"engine": EngineChoice(name="ballistic", options={"spin": 0.6})},
             r"options \(spin = 3.0\) -> \(spin = 0.6\)",

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gasp_core import Reduction
+from gasp_core import Elastic, Part, Reduction
 from gasp_core.errors import RecordingError
 from gasp_core.games import to_simplices
 from gasp_core.reduction import cores
@@ -42,16 +42,23 @@ def test_a_run_by_cores_goes_on_bit_for_bit(scene_of, run, tmp_path, transfer):
         assert np.array_equal(resumed.gaussians(frame).quaternions, whole.gaussians(frame).quaternions)
 
 
+@pytest.mark.parametrize("parted", [False, True])
 @pytest.mark.parametrize("transfer", ["least-squares", "frame"])
 def test_a_run_goes_on_with_its_own_cores_where_another_machine_makes_others(
-    scene_of, run, tmp_path, monkeypatch, transfer
+    scene_of, run, tmp_path, monkeypatch, transfer, parted
 ):
     """Where clusters are equally near, roundings decide: of 20,000 corners of a skull 520 differ by the processor."""
-    scene = scene_of(reduction=Reduction(mode="cores", count=10, levels=2, transfer=transfer), options={"spin": 3.0})
+    other = Elastic(density=500, youngs_modulus=1e6, poissons_ratio=0.2)
+    scene = scene_of(
+        reduction=Reduction(mode="cores", count=10, levels=2, transfer=transfer),
+        parts=(Part(labels=np.arange(40) % 2, label=1, material=other),) if parted else (),
+        options={"spin": 3.0},
+    )
     whole = run(scene, tmp_path / "whole.gasp")
     run(scene, tmp_path / "a.gasp", frames=5)
-    made = cores.cluster
-    monkeypatch.setattr(cores, "cluster", lambda places, number: made(places * (1.0, 3.0, 0.5), number))
+    made = cores.cluster_apart
+    elsewhere = (1.0, 3.0, 0.5)
+    monkeypatch.setattr(cores, "cluster_apart", lambda places, kinds, n: made(places * elsewhere, kinds, n))
     assert run(scene, tmp_path / "elsewhere.gasp", frames=1).header.points_digest != whole.header.points_digest
     resumed = run(scene, tmp_path / "a.gasp", resume=True)
     assert resumed.status == "complete"
@@ -62,7 +69,7 @@ def test_a_run_goes_on_with_its_own_cores_where_another_machine_makes_others(
 
 def test_another_reduction_is_another_scene(scene_of, run, tmp_path):
     run(scene_of(reduction=CORES), tmp_path / "a.gasp", frames=2)
-    with pytest.raises(RecordingError, match="the scene or one of its splats has changed"):
+    with pytest.raises(RecordingError, match="the scene, or a file that it names, has changed"):
         run(scene_of(), tmp_path / "a.gasp", resume=True)
 
 

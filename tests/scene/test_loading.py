@@ -24,7 +24,9 @@ from gasp_core import (
     HalfSpace,
     Impulse,
     MapChoice,
+    Part,
     Pinned,
+    PlyProperty,
     Precision,
     PythonMotion,
     RecordingChoice,
@@ -35,6 +37,7 @@ from gasp_core import (
     SphereShape,
     SplatObject,
     Swing,
+    VaryingMaterial,
     Wave,
     Wind,
     load_scene,
@@ -70,6 +73,7 @@ resolution = 64
 @pytest.fixture
 def write(tmp_path):
     (tmp_path / "plant.splat").write_bytes(b"")
+    (tmp_path / "labels.npy").write_bytes(b"")
 
     def make(text: str) -> Path:
         path = tmp_path / "scene.toml"
@@ -99,6 +103,10 @@ SWUNG = 'kind = "swing", axis = [0, 1, 0], pivot = [0, 0, 0], amplitude = 3, fre
 
 def moving(keys):
     return DESIGN.replace("[[collider]]", "motion = { " + keys + " }\n[[collider]]")
+
+
+def parted(keys):
+    return DESIGN.replace("[[collider]]", "part = [{ " + keys + " }]\n[[collider]]")
 
 
 REFUSED = {
@@ -182,6 +190,48 @@ REFUSED = {
         moving(SWUNG + ' }\nregion = { shape = "sphere", center = [0, 0, 0], radius = 1'),
         ["object[0].motion", "region", "frozen"],
     ),
+    "part without a selector": (parted("pinned = true"), ["object[0].part[0]", "one of region, component and labels"]),
+    "part with two": (parted("component = 1, labels = 'labels.npy', label = 1, pinned = true"), ["one of region"]),
+    "part that is nothing": (
+        parted("component = 1"),
+        ["object[0].part[0]", "a material, pinned = true or rigid = true"],
+    ),
+    "labels without a label": (parted("labels = 'labels.npy', pinned = true"), ["object[0].part[0].labels", "label"]),
+    "label without labels": (parted("component = 1, label = 1, pinned = true"), ["part[0].labels", "go together"]),
+    "half a label": (parted("labels = 'labels.npy', label = 1.5, pinned = true"), ["part[0].label:", "whole", "1.5"]),
+    "no label": (parted("labels = 'labels.npy', label = [], pinned = true"), ["part[0].label:", "whole", "()"]),
+    "labels that are not there": (
+        parted("labels = 'gone.npy', label = 1, pinned = true"),
+        ["part[0].labels", "no such file: gone.npy"],
+    ),
+    "labels of a number": (parted("labels = 3, label = 1, pinned = true"), ["part[0].labels", ".npy", "3"]),
+    "labels of another kind": (
+        parted("labels = 'plant.splat', label = 1, pinned = true"),
+        ["must be a .npy", "plant.splat"],
+    ),
+    "property misspelt": (
+        parted("labels = { proprety = 'a' }, label = 1, pinned = true"),
+        ["part[0].labels.proprety", 'did you mean "property"'],
+    ),
+    "component 0": (parted("component = 0, pinned = true"), ["part[0].component", "from 1 on"]),
+    "rigid and pinned": (parted("component = 1, pinned = true, rigid = true"), ["part[0].rigid", "pinned"]),
+    "unknown key of a part": (parted("componnt = 1, pinned = true"), ["part[0].componnt", 'did you mean "component"']),
+    "part as a table": (
+        DESIGN.replace("[[collider]]", "part = {}\n[[collider]]"),
+        ["object[0].part", "[[object.part]]"],
+    ),
+    "parts of one name": (
+        parted("name = 'a', component = 1, pinned = true }, { name = 'a', component = 2, pinned = true"),
+        ["object[0].parts", 'two named "a"'],
+    ),
+    "parts of what is static": (
+        parted("component = 1, pinned = true")
+        .replace("reduction = {", "static = true\nreduction = {")
+        .replace("material = {", "# {"),
+        ["object[0].parts", "no meaning with static"],
+    ),
+    "no such field": (DESIGN.replace("5e4", '"E.npy"'), ["material.youngs_modulus", "no such file: E.npy"]),
+    "field of something else": (DESIGN.replace("5e4", "[1, 2]"), ["material.youngs_modulus", "a number"]),
     "inside out domain": (DESIGN + "[domain]\nlower = [1,1,1]\nupper = [0,0,0]\n", ["domain.upper"]),
 }
 
@@ -244,6 +294,28 @@ EVERYTHING = Scene(
             region=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(1.0, 2.0, 3.0)),
             floaters=Floaters.STILL,
             vertices=3,
+        ),
+        SplatObject(
+            name="potted",
+            splat=Path("/p.ply"),
+            material=VaryingMaterial(
+                base=Elastic(density=300.0, youngs_modulus=0.25, poissons_ratio=0.3),
+                columns={"youngs_modulus": Path("/some/where/E.npy")},
+            ),
+            parts=(
+                Part(name="pot", region=SphereShape(center=(0.0,) * 3, radius=1.0), pinned=True),
+                Part(component=2, rigid=True),
+                Part(name="leaves", labels=Path("/l.npy"), label=(3, 4), material=MUD),
+                Part(name="soil", labels=Path("/l.npy"), label=0, material=MUD),
+                Part(
+                    labels=PlyProperty(property="label"),
+                    label=-1,
+                    material=VaryingMaterial.of(
+                        Elastic, density=PlyProperty(property="rho"), youngs_modulus=2.0, poissons_ratio=0.1
+                    ),
+                    pinned=True,
+                ),
+            ),
         ),
         SplatObject(name="b", splat=Path("/b"), material=Fluid(density=1000.0, bulk_modulus=1e5), vertices="auto"),
         SplatObject(

@@ -26,13 +26,16 @@ from gasp_core.contract import (
 from gasp_core.errors import SceneError
 from gasp_core.recording.layout import BodyEntry, Commit, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.migrations import VERSION
+from gasp_core.scene.columns import PlyProperty
 from gasp_core.scene.digest import scene_digest, what_differs
 from gasp_core.scene.loading import read_scene, read_stored_scene
 from gasp_core.scene.motions import MOTIONS
 from gasp_core.scene.objects import Reduction
+from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.tables import Table
+from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import scene_to_toml
 from gasp_core.solid import SolidOptions
 
@@ -44,7 +47,8 @@ def numbered(text, number):
 
 
 SCENE_CLASSES = (
-    Scene, SplatObject, Reduction, SolidOptions, EngineChoice, MapChoice, RecordingChoice, CameraChoice, EngineAccuracy,
+    Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice,
+    RecordingChoice, CameraChoice, EngineAccuracy,
     HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),
 )  # fmt: skip

@@ -233,9 +233,9 @@ def test_resuming_where_nothing_is_begins(scene_of, run, tmp_path):
 def test_resuming_something_else_is_refused(scene_of, run, tmp_path, cloud):
     path = tmp_path / "a.gasp"
     run(scene_of(), path)
-    with pytest.raises(RecordingError, match="scene or one of its splats has changed"):
+    with pytest.raises(RecordingError, match="scene, or a file that it names, has changed"):
         run(scene_of(gravity=(0.0, 0.0, -1.0)), path, resume=True)
-    with pytest.raises(RecordingError, match="scene or one of its splats has changed"):
+    with pytest.raises(RecordingError, match="scene, or a file that it names, has changed"):
         run(scene_of(cloud(40, 7)), path, resume=True)
     other = dataclasses.replace(scene_of(), engine=dataclasses.replace(scene_of().engine, seed=4))
     with pytest.raises(RecordingError, match=r"engine is not the one .*seed 0 -> 4"):

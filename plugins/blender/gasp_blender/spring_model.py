@@ -163,7 +163,13 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
     cage = build_cage(points.reference_positions[rows], margin, spacing, most_voxels)
     edges, quarters = spring_edges(cage)
     moduli = np.array([getattr(material, "youngs_modulus", 0.0) for material in problem.materials])
-    modulus = float(np.average(moduli[points.material_ids[rows]], weights=volumes))
+    own = moduli[points.material_ids[rows]]
+    if own.min() < own.max():
+        raise SceneError(
+            f"blender: body {int(points.body_ids[rows[0]])} has parts of {own.min():.3g} to {own.max():.3g} Pa, and its"
+            " springs one stiffness for all of a body: give it one youngs_modulus, or choose warp-mpm or mujoco-flex"
+        )
+    modulus = float(own[0])
     weights = node_weights(cage)
     shares = spring_shares(weights, edges, quarters)
     force = spring_force(cage.nodes, edges, shares, modulus, float(volumes.sum()))

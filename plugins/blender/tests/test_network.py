@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gasp_blender.cage import build_cage, gather, scatter
@@ -11,6 +13,7 @@ from gasp_blender.spring_model import elastic_matter, node_velocities
 from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_shares
 
 from gasp_core.contract import Driven, SphereShape
+from gasp_core.errors import SceneError
 
 
 def caged(bodies, cells, spacing=0.1):
@@ -109,6 +112,19 @@ def test_nodes_take_velocities_that_no_affine_field_has(bodies):
     found = gather(matter.cage, node_velocities(matter, field))
     # Conjugate gradients end at 1e-14 of the momenta; eight points a voxel are worth a condition of 1e4 at most.
     np.testing.assert_allclose(found, field, atol=1e-10)
+
+
+def test_a_body_of_two_stiffnesses_is_refused_and_one_of_two_densities_is_not(bodies):
+    points = bodies.block((3, 3, 3), 0.1)
+    problem = bodies.problem(points, 0.1)
+    ids = (points[:, 0] > points[:, 0].mean()).astype(np.int32)
+    (soft,) = problem.materials
+    points = replace(problem.points, material_ids=ids)
+    heavy = replace(problem, points=points, materials=(soft, replace(soft, density=2 * soft.density)))
+    assert elastic_matter(heavy, 0.1, 1000) is not None
+    stiff = replace(problem, points=points, materials=(soft, replace(soft, youngs_modulus=2 * soft.youngs_modulus)))
+    with pytest.raises(SceneError, match="one stiffness for all of a body"):
+        elastic_matter(stiff, 0.1, 1000)
 
 
 def test_a_sheet_is_a_net_with_its_points_on_it(bodies):

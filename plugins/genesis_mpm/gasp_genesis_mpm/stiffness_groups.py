@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Material, PointProblem
+from gasp_core.errors import SceneError
 
-__all__ = ["CLASSES", "Portion", "portions_of", "volume_classes"]
+__all__ = ["CLASSES", "MOST_PORTIONS", "Portion", "portions_of", "volume_classes"]
 
 Array = NDArray[Any]
 
 CLASSES = 8
 """Of volumes, per material. Each is one more branch in Genesis' largest kernel."""
+MOST_PORTIONS = 128
+"""Beyond, compiling takes longer than a run: a material that varies from point to point would be thousands."""
 _SAME = 1e-9
 """Volumes closer than this, relative, are one: a sum of thirds is a whole."""
 
@@ -63,7 +66,13 @@ def volume_classes(volumes: Array, limit: int = CLASSES) -> Array:
 
 
 def portions_of(problem: PointProblem) -> tuple[Portion, ...]:
-    """The portions of a problem's points, by material, then by volume."""
+    """The portions of a problem's points, by material, then by volume.
+
+    Raises
+    ------
+    SceneError
+        Where they are more than can be compiled.
+    """
     points = problem.points
     portions: list[Portion] = []
     for index in np.unique(points.material_ids):
@@ -73,4 +82,9 @@ def portions_of(problem: PointProblem) -> tuple[Portion, ...]:
             own = rows[classes == one]
             volume = float(points.reference_volumes[own].mean())
             portions.append(Portion(material=problem.materials[index], volume=volume, rows=own))
+    if len(portions) > MOST_PORTIONS:
+        raise SceneError(
+            f"genesis-mpm: compiles each material apart, {MOST_PORTIONS} with their volumes at most, and this scene has"
+            f" {len(portions):,}: let less of it vary, or choose warp-mpm"
+        )
     return tuple(portions)

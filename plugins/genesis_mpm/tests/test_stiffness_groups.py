@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gasp_genesis_mpm.stiffness_groups import CLASSES, portions_of, volume_classes
+from gasp_genesis_mpm.stiffness_groups import CLASSES, MOST_PORTIONS, portions_of, volume_classes
 
 from gasp_core.contract import Elastic, PointCloud, PointProblem, Sand
+from gasp_core.errors import SceneError
 
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 GRAINS = Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2)
@@ -49,3 +50,17 @@ def test_a_bodys_volume_and_rows_are_all_there(spread: float) -> None:
         held = sum(portion.volume * len(portion.rows) for portion in portions if portion.material is material)
         # Means of classes, summed: a rounding a point.
         assert held == pytest.approx(float(volumes[own].sum()), rel=200 * np.finfo(float).eps)
+
+
+def test_a_material_that_varies_from_point_to_point_is_refused_before_it_is_compiled() -> None:
+    count = MOST_PORTIONS + 1
+    points = PointCloud(
+        reference_positions=np.random.default_rng(0).random((count, 3)),
+        initial_velocities=np.zeros((count, 3)),
+        reference_volumes=np.ones(count),
+        material_ids=np.arange(count),
+        body_ids=np.zeros(count),
+    )
+    materials = tuple(Elastic(density=1000.0, youngs_modulus=1e5 + row, poissons_ratio=0.3) for row in range(count))
+    with pytest.raises(SceneError, match="128 with their volumes at most, and this scene has 129"):
+        portions_of(PointProblem(points=points, materials=materials))
