@@ -1,7 +1,8 @@
 """Convex pieces that fill a body: what engines touch with that know contact of convex shapes alone.
 
-A piece is the hull of what a box of the field's grid holds. The box of the piece that sticks out of the body the most is
-cut in two, by the plane of nodes that leaves the least to stick out, until none sticks out by more than a spacing.
+A piece is the hull of what a box of the field's grid holds. The box of the piece that goes beyond the body the most is
+cut in two, by the plane of nodes that leaves the least beyond it, until none goes beyond by more than a spacing. So
+decomposes VHACD (Mamou and Ghorbel 2009), where the measure is volume; here it is the distance that the field tells.
 """
 
 from __future__ import annotations
@@ -20,19 +21,21 @@ Array = NDArray[Any]
 
 _LATITUDES = 13
 _EXACT = 20_000
-"""Nodes of a box that are asked how far outside they are, at most, evenly spread."""
-_GUESSED = 1_500
+"""Nodes of a box that are asked how far outside they are, at most."""
+_GUESSED = 1_000
 """Nodes that are asked where a box is to be cut."""
 _CUTS = 8
 """Planes across each axis of which one cuts a box."""
-_COARSER = 3
+_COARSER = 4
 """Of so many directions one is enough for where to cut."""
+_PARTS = 16
+"""Of the directions, one after the other, for fewer and fewer nodes."""
 
 
 def convex_pieces(field: SignedDistanceField, most: int) -> list[Array]:
-    """Convex bodies whose union is the body: it lies in them, and they go beyond it by a spacing, or as few as they are.
+    """Convex bodies in which the body lies, and which go beyond it by a spacing, or by more where they are `most`.
 
-    What is touched first, the hull of the body, is that of its surface on the grid's edges, to the last digit.
+    The hull of all of them is that of the body, where its surface crosses the edges of the grid: to the last digit.
 
     Parameters
     ----------
@@ -50,7 +53,7 @@ def convex_pieces(field: SignedDistanceField, most: int) -> list[Array]:
 
 
 def convex_walls(field: SignedDistanceField, thickness: float, most: int) -> list[Array]:
-    """As `convex_pieces`, of what is around the body: a hollow of this shape, in walls at least as thick as this [m]."""
+    """As `convex_pieces`, of what is around the body: a hollow of its shape in walls of this thickness [m] or more."""
     axes = _axes(field)
     for axis in axes:
         # Outermost nodes are in the walls: these may as well be farther out.
@@ -117,8 +120,7 @@ def _piece(values: Array, axes: list[Array], low: Array, high: Array) -> _Piece:
     box = tuple(slice(a, b + 1) for a, b in zip(low, high))
     own = [axis[part] for axis, part in zip(axes, box)]
     points = _spanning(values[box], own)
-    outside = np.argwhere(values[box] > 0)
-    outside = outside[:: max(1, len(outside) // _EXACT)]
+    outside = _some(np.argwhere(values[box] > 0), _EXACT)
     held = _within(points, _at(own, outside))
     depth = float(values[box][tuple(outside[held].T)].max(initial=0.0))
     return _Piece(low=low, high=high, points=points, depth=depth)
@@ -151,39 +153,62 @@ def _cut(values: Array, axes: list[Array], piece: _Piece) -> tuple[int, int] | N
     sub = values[piece.nodes]
     own = [axis[part] for axis, part in zip(axes, piece.nodes)]
     directions = _HALF_BALL[::_COARSER]
-    solid, empty = _spread(np.argwhere(sub < 0)), _spread(np.argwhere(sub > 0))
+    solid, empty = (_some(np.argwhere(side), _GUESSED) for side in (sub < 0, sub > 0))
     of_solid, of_empty = (_heights(directions, _at(own, nodes)) for nodes in (solid, empty))
     best: tuple[int, int] | None = None
     least = np.inf
     for axis in range(3):
         last = sub.shape[axis] - 1
-        cuts = np.unique(np.linspace(1, last - 1, _CUTS).astype(int)) if last >= 2 else np.zeros(0, dtype=int)
-        beyond = np.zeros(len(cuts), dtype=int)
-        for way in (1, -1):
-            # From either end: how far what lies before each plane reaches.
-            inner, outer = np.argsort(way * solid[:, axis]), np.argsort(way * empty[:, axis])
-            ahead, behind = of_solid[:, inner], of_empty[:, outer]
-            furthest, nearest = np.maximum.accumulate(ahead, axis=1), np.minimum.accumulate(ahead, axis=1)
-            counts = np.searchsorted(way * solid[inner, axis], way * cuts, side="right")
-            others = np.searchsorted(way * empty[outer, axis], way * cuts, side="right")
-            for number, (count, other) in enumerate(zip(counts, others)):
-                if count:
-                    reached = behind[:, :other]
-                    held = (reached <= furthest[:, count - 1, None]) & (reached >= nearest[:, count - 1, None])
-                    beyond[number] += int(held.all(axis=0).sum())
-        if len(cuts) and beyond.min() < least:
+        if last < 2:
+            continue
+        cuts = np.unique(np.linspace(1, last - 1, _CUTS).astype(int))
+        ahead = _held_before(cuts, solid[:, axis], empty[:, axis], of_solid, of_empty)
+        beyond = ahead + _held_before(-cuts, -solid[:, axis], -empty[:, axis], of_solid, of_empty)
+        if beyond.min() < least:
             best, least = (axis, int(piece.low[axis] + cuts[np.argmin(beyond)])), beyond.min()
     return best
 
 
-def _spread(nodes: Array) -> Array:
-    return nodes[:: max(1, len(nodes) // _GUESSED)]
+def _held_before(cuts: Array, solid: Array, empty: Array, of_solid: Array, of_empty: Array) -> Array:
+    """How many empty nodes are in the hull of what is solid, up to each of some planes, (C,).
+
+    Parameters
+    ----------
+    cuts : (C,)
+        The planes.
+    solid, empty : (S,), (E,)
+        Where nodes are across them.
+    of_solid, of_empty : (D, S), (D, E)
+        Their heights.
+    """
+    inner, outer = np.argsort(solid), np.argsort(empty)
+    highest = np.maximum.accumulate(of_solid[:, inner], axis=1)
+    lowest = np.minimum.accumulate(of_solid[:, inner], axis=1)
+    heights = of_empty[:, outer]
+    counts = np.searchsorted(solid[inner], cuts, side="right")
+    others = np.searchsorted(empty[outer], cuts, side="right")
+    found = np.zeros(len(cuts), dtype=int)
+    for number, (count, other) in enumerate(zip(counts, others)):
+        if count:
+            asked = heights[:, :other]
+            held = (asked <= highest[:, count - 1, None]) & (asked >= lowest[:, count - 1, None])
+            found[number] = held.all(axis=0).sum()
+    return found
+
+
+def _some(nodes: Array, most: int) -> Array:
+    """Of nodes (N, 3) at most so many, drawn: every so many-th would lie in planes."""
+    if len(nodes) <= most:
+        return nodes
+    return nodes[np.random.default_rng(0).choice(len(nodes), most, replace=False)]
 
 
 def _within(points: Array, places: Array) -> Array:
     """Which places (N, 3) are in the hull of points (V, 3), as far as some hundred directions tell."""
     held = np.ones(len(places), dtype=bool)
-    for part in np.array_split(_HALF_BALL, 8):
+    for first in range(_PARTS):
+        # A few that go everywhere leave little for the others.
+        part = _HALF_BALL[first::_PARTS]
         left = np.flatnonzero(held)
         reach, heights = _heights(part, points), _heights(part, places[left])
         within = (heights <= reach.max(axis=1)[:, None]) & (heights >= reach.min(axis=1)[:, None])
@@ -193,7 +218,8 @@ def _within(points: Array, places: Array) -> Array:
 
 def _heights(directions: Array, places: Array) -> Array:
     """Of places (N, 3) along directions (D, 3), (D, N): rounded alike by every processor, which `@` is not."""
-    return sum(column[:, None] * row for column, row in zip(directions.T, places.T))
+    x, y, z = (directions[:, None, axis] * places[:, axis] for axis in range(3))
+    return x + y + z
 
 
 def _half_ball() -> Array:

@@ -68,9 +68,7 @@ class RigidBody:
         return np.concatenate([*self.hulls, of_boxes])
 
 
-def rigid_body(
-    matter: Matter, grid: VoxelGrid, margin: float, shape: SignedDistanceField | None = None
-) -> RigidBody:
+def rigid_body(matter: Matter, grid: VoxelGrid, margin: float, shape: SignedDistanceField | None = None) -> RigidBody:
     """The rigid body of this matter.
 
     Parameters
