@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         Swing,
         Wave,
         load_scene,
+        material_preset,
         scene_to_toml,
     )
     from gasp_core.simulation.driver import simulate
@@ -103,6 +104,7 @@ __all__ = [
     "Wind",
     "compare",
     "load_scene",
+    "material_preset",
     "memory_limit",
     "read_splat",
     "render",
@@ -124,7 +126,7 @@ _HOMES = {
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice PythonMotion RecordingChoice Reduction Scene"
-        " SplatObject Swing Wave load_scene scene_to_toml"
+        " SplatObject Swing Wave load_scene material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",

@@ -39,6 +39,8 @@ from gasp_core.contract import (
     PointProblem,
     PointState,
     Precision,
+    Shape,
+    SignedDistanceField,
     SphereShape,
     Wind,
 )
@@ -229,7 +231,7 @@ def _undeclared_scenes(subject: Subject, plain: PointProblem) -> list[tuple[str,
     scenes: list[tuple[str, PointProblem]] = []
     for kind in {*MATERIALS.values(), _Unobtainium} - can.materials:
         scenes.append((f"material {kind.kind}", replace(plain, materials=(specimen(kind),))))
-    for kind in set(SHAPES.values()) - can.collider_shapes:
+    for kind in {*SHAPES.values(), SignedDistanceField} - can.collider_shapes:
         contact = next(iter(can.contact_conditions), ContactCondition.SEPARATE)
         collider = Collider(shape=_shape(kind), contact=contact)
         scenes.append((f"collider {kind.kind}", replace(plain, colliders=(collider,))))
@@ -262,9 +264,12 @@ def _undeclared_scenes(subject: Subject, plain: PointProblem) -> list[tuple[str,
     return scenes
 
 
-def _shape(kind: type[Any]) -> HalfSpace | BoxShape | SphereShape:
+def _shape(kind: type[Any]) -> Shape:
     if kind is BoxShape:
         return BoxShape(center=(5.0, 5.0, 5.0), half_extents=(1.0, 1.0, 1.0))
     if kind is SphereShape:
         return SphereShape(center=(5.0, 5.0, 5.0), radius=1.0)
+    if kind is SignedDistanceField:
+        ball = SphereShape(center=(5.0, 5.0, 5.0), radius=1.0)
+        return SignedDistanceField.sampled(ball, (4.0, 4.0, 4.0), (6.0, 6.0, 6.0), 0.2)
     return HalfSpace(point=(0.0, 0.0, -9.0), normal=(0.0, 0.0, 1.0))

@@ -47,6 +47,7 @@ from gasp_core.contract import (
     Rigid,
     Sand,
     Side,
+    SignedDistanceField,
     Snow,
     SphereShape,
     Status,
@@ -59,7 +60,7 @@ Array = NDArray[Any]
 
 SHOWN = {
     *(f"material:{kind.kind}" for kind in (Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam, Rigid)),
-    *(f"collider:{shape.kind}" for shape in (HalfSpace, BoxShape, SphereShape)),
+    *(f"collider:{shape.kind}" for shape in (HalfSpace, BoxShape, SphereShape, SignedDistanceField)),
     *(f"contact:{contact.value}" for contact in ContactCondition),
     *(f"drive:{drive.kind}" for drive in (Pinned, Driven, Impulse)),
     f"force-field:{Wind.kind}",
@@ -436,6 +437,21 @@ def test_sphere(subject: Subject, ledger: Ledger, side: Side) -> None:
     holds(ledger, subject, SphereShape, side)
 
 
+@pytest.mark.parametrize("side", list(Side), ids=lambda side: side.value)
+@check("collider:signed distance field", Level.CAPABILITY)
+def test_signed_distance_field(subject: Subject, ledger: Ledger, side: Side) -> None:
+    """Blocks thrown at the same planes, box and ball, given as distances on a grid."""
+    holds(ledger, subject, SignedDistanceField, side)
+
+
+@check("collider:signed distance field[slope]", Level.CAPABILITY)
+def test_signed_distance_field_as_a_slope(subject: Subject, ledger: Ledger) -> None:
+    """A block slides down a plane that is given as a field as down the plane itself: Coulomb's law."""
+    if ContactCondition.SEPARATE not in subject.descriptor.capabilities.contact_conditions:
+        pytest.skip("the engine knows no friction at colliders")
+    coulombs(ledger, "slope of a field", subject, field=True)
+
+
 @check("contact:stick", Level.CAPABILITY)
 def test_stick(subject: Subject, ledger: Ledger) -> None:
     """A block stays on a slope of 30 degrees, and hangs from it when that is a ceiling."""
@@ -461,22 +477,27 @@ def test_slip(subject: Subject, ledger: Ledger) -> None:
 @check("contact:separate", Level.CAPABILITY)
 def test_separate(subject: Subject, ledger: Ledger) -> None:
     """Coulomb's law, sliding and at rest; free to leave."""
-    gravity, time, tilt = wall_cases.GRAVITY, 0.4, math.radians(24)
     smooth = wall_cases.on_slope(subject, ContactCondition.SEPARATE, 0.0, 24.0, 1.0)
     ledger.at_most("separate, no friction", "way - free [m]", smooth.way - smooth.free_way, 1.05 * smooth.stepping)
-    friction = math.tan(math.radians(15))
-    slide = wall_cases.on_slope(subject, ContactCondition.SEPARATE, friction, 24.0, 1.0)
-    slowed = slide.free_way - friction * gravity * math.cos(tilt) * time**2 / 2
-    # Friction follows the weight that has arrived at the foot, which swings with twice the period of settling or more:
-    # the impulse of a quarter of a swing may be missing.
-    late = friction * gravity * math.cos(tilt) * slide.settling * time
-    ledger.at_most("separate, sliding", "way - Coulomb's [m]", slide.way - slowed, late + 1.05 * slide.stepping)
+    coulombs(ledger, "separate, sliding", subject, field=False)
     held = wall_cases.on_slope(subject, ContactCondition.SEPARATE, math.tan(math.radians(35)), 24.0, 0.0)
     # It slides until its weight has arrived at the foot, some hundredths of the time, and sways by rho g H^2 / E.
     ledger.at_most("separate, held", "way / free", held.way / held.free_way, 0.05)
     leaving = wall_cases.on_slope(subject, ContactCondition.SEPARATE, 0.5, 24.0, 0.0, ceiling=True)
     ledger.at_most("separate, leaving", "fall - free [m]", leaving.rise - leaving.free_rise, 1.05 * leaving.stepping)
     ledger.at_most("separate, leaving", "way - free [m]", leaving.way - leaving.free_way, 1.05 * leaving.stepping)
+
+
+def coulombs(ledger: Ledger, case: str, subject: Subject, *, field: bool) -> None:
+    """A block that slides down a slope of 24 degrees with the friction of one of 15."""
+    gravity, time, tilt = wall_cases.GRAVITY, 0.4, math.radians(24)
+    friction = math.tan(math.radians(15))
+    slide = wall_cases.on_slope(subject, ContactCondition.SEPARATE, friction, 24.0, 1.0, field=field)
+    slowed = slide.free_way - friction * gravity * math.cos(tilt) * time**2 / 2
+    # Friction follows the weight that has arrived at the foot, which swings with twice the period of settling or more:
+    # the impulse of a quarter of a swing may be missing.
+    late = friction * gravity * math.cos(tilt) * slide.settling * time
+    ledger.at_most(case, "way - Coulomb's [m]", slide.way - slowed, late + 1.05 * slide.stepping)
 
 
 # --- drives, forces, the domain -------------------------------------------------------------------------------------

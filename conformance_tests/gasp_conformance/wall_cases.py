@@ -23,7 +23,9 @@ from gasp_core.contract import (
     HalfSpace,
     Material,
     PointProblem,
+    Shape,
     Side,
+    SignedDistanceField,
     SphereShape,
 )
 
@@ -136,7 +138,20 @@ def _throws(shape: AnyShape, side: Side) -> list[tuple[Array, Array, bool]]:
 
 def impacts(subject: Subject, kind: type[Any], side: Side) -> list[Impact]:
     """Blocks thrown at a collider of this shape from the side on which matter may be, and one thrown past it."""
-    return [_impact(subject, shape, side) for shape in _shapes(kind, side)]
+    return [_impact(subject, given, known, side) for given, known in _colliders(kind, side)]
+
+
+def _colliders(kind: type[Any], side: Side) -> Sequence[tuple[Shape, AnyShape]]:
+    """Colliders of one kind, and the formula that each obeys; a field has it of another kind."""
+    if kind is SignedDistanceField:
+        known = [shape for one in (HalfSpace, BoxShape, SphereShape) for shape in _shapes(one, side)]
+        return [(sampled(shape), shape) for shape in known]
+    return [(shape, shape) for shape in _shapes(kind, side)]
+
+
+def sampled(shape: Shape) -> SignedDistanceField:
+    """A field of what of a shape is near where blocks are thrown, or slide; its nodes are at no round numbers."""
+    return SignedDistanceField.sampled(shape, (-3.13, -3.07, -3.01), (3.33, 3.37, 3.21), 0.77 * _SPACING)
 
 
 def _shapes(kind: type[Any], side: Side) -> Sequence[AnyShape]:
@@ -154,10 +169,10 @@ def _shapes(kind: type[Any], side: Side) -> Sequence[AnyShape]:
     return [SphereShape(center=(0.2, 0.1, 0.3), radius=half)]
 
 
-def _impact(subject: Subject, shape: AnyShape, side: Side) -> Impact:
+def _impact(subject: Subject, given: Shape, shape: AnyShape, side: Side) -> Impact:
     """One block at a time, so that they cannot run into each other."""
     sign = 1.0 if side is Side.OUTSIDE else -1.0
-    collider = Collider(shape=shape, contact=_contact(subject), side=side)
+    collider = Collider(shape=given, contact=_contact(subject), side=side)
     # An impact at 1 m/s, a tenth of the speed of sound, squeezes it by about a tenth.
     material = stiff_material(subject, 10.0)
     depth, gap, reach, free_error = -math.inf, -math.inf, math.inf, 0.0
@@ -194,18 +209,26 @@ def _impact(subject: Subject, shape: AnyShape, side: Side) -> Impact:
 
 
 def on_slope(
-    subject: Subject, contact: ContactCondition, friction: float, slope: float, speed: float, *, ceiling: bool = False
+    subject: Subject,
+    contact: ContactCondition,
+    friction: float,
+    slope: float,
+    speed: float,
+    *,
+    ceiling: bool = False,
+    field: bool = False,
 ) -> Slope:
     """A block on a slope of `slope` degrees, started downhill at `speed` [m/s], for 0.4 s; `ceiling` turns gravity's
-    pull towards the surface into one away from it."""
+    pull towards the surface into one away from it, `field` the plane into a signed distance field."""
     tilt, time = math.radians(slope), 0.4
     block = box_of_points((0.37, 0.21, 0.0), (_CELLS, _CELLS, _CELLS), _SPACING)
     across = GRAVITY * math.cos(tilt) * (1 if ceiling else -1)
     material = stiff_material(subject)
+    floor = sampled(HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))) if field else _floor(subject)
     problem = PointProblem(
         points=cloud_of([block], [[speed, 0.0, 0.0]], _SPACING),
         materials=(material,),
-        colliders=(Collider(shape=_floor(subject), contact=contact, friction=friction),),
+        colliders=(Collider(shape=floor, contact=contact, friction=friction),),
         gravity=(GRAVITY * math.sin(tilt), 0.0, across),
     )
     journal = Journal()

@@ -22,6 +22,10 @@ BUILT_IN = {
         "Measure error against time, and say which settings are worth it.",
     ),
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
+    "materials": (
+        "gasp_core.cli.materials:materials",
+        "List the materials that have a name: numbers, sources, engines.",
+    ),
     "inspect": ("gasp_core.cli.inspect:inspect", "Describe a splat file and say what is odd about it."),
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
     "verify": ("gasp_core.cli.verify:verify", "Look at every file of a recording, and say what is damaged."),

@@ -10,6 +10,7 @@ import numpy as np
 
 from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
 from gasp_core.contract.fields import Field, Precision
+from gasp_core.contract.materials import Material
 from gasp_core.contract.points import PointProblem
 from gasp_core.contract.shapes import Shape
 from gasp_core.errors import UnsupportedSceneError
@@ -54,7 +55,7 @@ def needs(
 ) -> list[Need]:
     """Everything a scene asks of an engine, most telling first; the parameters are those of `check_supported`."""
     asked = [
-        Need(f"does not model {material.kind}{users}", "materials", type(material))
+        Need(f"does not model {material.kind}{_as_named(material)}{users}", "materials", type(material))
         for material, users in zip(problem.materials, _material_users(problem, body_names))
         if users is not None
     ]
@@ -146,6 +147,11 @@ def check_supported(
     )
     engines = f"engines that do: {', '.join(able)}" if able else "no other installed engine does"
     raise UnsupportedSceneError(f"{descriptor.name} {' and '.join(refusals)}; {engines}{_choices(missing, descriptor)}")
+
+
+def _as_named(material: Material) -> str:
+    """What a material is called, where it has a name of its own."""
+    return f', the model of "{material.name}"' if material.name else ""
 
 
 def _material_users(problem: PointProblem, body_names: Sequence[str]) -> list[str | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +50,10 @@ class EngineCapabilities:
         then part by that much a step, and not by rounding alone.
     unconditionally_stable
         Whether no substep is too long for stability, so that a fixed one is never refused; its error is another matter.
+    stable_step
+        Largest stable step [s] of matter at rest and undeformed, of its material and the grid spacing [m], where the
+        engine steps explicitly and takes `EngineAccuracy.substep_fraction` of it: a scene of which a frame would need
+        more than `substep_limit` is then refused before the engine is opened. None: it is not told.
     damping
         Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to.
     """
@@ -76,6 +80,7 @@ class EngineCapabilities:
     material_columns: frozenset[str] = frozenset()
     views: frozenset[Field] = frozenset()
     unconditionally_stable: bool = False
+    stable_step: Callable[[Material, float], float] | None = None
     damping: float = 0.0
 
     def runs_on(self, device: str) -> bool:

@@ -81,7 +81,7 @@ class SignedDistanceField:
         low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
         counts = np.ceil((high - low) / spacing).astype(int) + 5
         origin = (low + high - spacing * (counts - 1)) / 2
-        nodes = origin + spacing * np.indices(counts).reshape(3, -1).T
+        nodes = origin + spacing * np.indices(tuple(counts)).reshape(3, -1).T
         box = BoxShape(center=tuple((low + high) / 2), half_extents=tuple((high - low) / 2))
         values = np.maximum(shape.signed_distance(nodes), box.signed_distance(nodes))
         return cls(origin=tuple(origin), spacing=spacing, values=values.reshape(counts))
@@ -103,12 +103,13 @@ class SignedDistanceField:
         shape = np.array(self.values.shape)
         within = np.clip(places, 0.0, shape - 1.0)
         low = np.minimum(within.astype(np.int64), shape - 2)
-        part = within - low
-        x, y, z = low.T
-        found = np.zeros(len(places))
-        for i, j, k in np.ndindex(2, 2, 2):
-            share = np.where([i, j, k], part, 1.0 - part).prod(axis=1)
-            found += share * self.values[x + i, y + j, z + k]
+        x, y, z = (within - low).T
+        first = np.ravel_multi_index(tuple(low.T), self.values.shape)
+        flat, (along, across) = self.values.reshape(-1), (shape[1] * shape[2], shape[2])
+        lines = [
+            (1.0 - z) * flat[first + line] + z * flat[first + line + 1] for line in (0, across, along, along + across)
+        ]
+        found = (1.0 - x) * ((1.0 - y) * lines[0] + y * lines[1]) + x * ((1.0 - y) * lines[2] + y * lines[3])
         return found + self.spacing * np.linalg.norm(places - within, axis=1)
 
     def __eq__(self, other: object) -> bool:

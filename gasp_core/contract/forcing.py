@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from gasp_core.contract.shapes import HalfSpace, Shape, Vector
 from gasp_core.contract.validation import finite, finite_vector
@@ -23,6 +23,7 @@ __all__ = [
     "Pinned",
     "Side",
     "Wind",
+    "check_friction",
 ]
 
 
@@ -66,7 +67,7 @@ class Collider:
     Parameters
     ----------
     shape
-        `HalfSpace`, `BoxShape` or `SphereShape`.
+        `HalfSpace`, `BoxShape`, `SphereShape` or `SignedDistanceField`.
     contact
         What happens on touching.
     friction
@@ -81,12 +82,17 @@ class Collider:
     side: Side = Side.OUTSIDE
 
     def __post_init__(self) -> None:
-        finite(self, "friction", low=0.0)
-        if self.friction > 0 and self.contact is not ContactCondition.SEPARATE:
-            raise SceneError(
-                f'Collider.friction {self.friction:g} has no meaning with contact "{self.contact.value}":'
-                ' use contact "separate", or friction 0'
-            )
+        check_friction(self)
+
+
+def check_friction(owner: Any) -> None:
+    """Refuse a friction below zero, or one that means nothing with the owner's contact."""
+    finite(owner, "friction", low=0.0)
+    if owner.friction > 0 and owner.contact is not ContactCondition.SEPARATE:
+        raise SceneError(
+            f'{type(owner).__name__}.friction {owner.friction:g} has no meaning with contact "{owner.contact.value}":'
+            ' use contact "separate", or friction 0'
+        )
 
 
 def _check_window(owner: Drive | ForceField) -> None:

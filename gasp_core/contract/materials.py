@@ -6,8 +6,8 @@ name them by `kind`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from gasp_core.contract.validation import finite, positive
 from gasp_core.errors import SceneError
@@ -27,6 +27,9 @@ __all__ = [
 ]
 
 
+_LONGEST_NAME = 100
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     """Anything that has mass.
@@ -35,13 +38,24 @@ class Material:
     ----------
     density
         Mass per volume at rest [kg/m^3].
+    name
+        What people call it, for messages: "steel". It decides nothing, and materials that differ in nothing else are
+        equal.
     """
 
     kind: ClassVar[str] = ""
     density: float
+    name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         positive(self, "density")
+        # Whatever type checkers think, a Python caller may hand over anything.
+        called: Any = self.name
+        if not isinstance(called, str) or len(called) > _LONGEST_NAME or not called.isprintable():
+            raise SceneError(
+                f"{type(self).__name__}.name must be up to {_LONGEST_NAME} printable characters, found"
+                f" {str(called)[:40]!r}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,7 @@ from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, 
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.point_frames import PointFrames
-from gasp_core.reduction.surfaces import rigid_surfaces
+from gasp_core.reduction.surfaces import colliders_of, rigid_surfaces
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.model import Scene
@@ -83,6 +83,8 @@ class Assembly:
         In the order of `PointCloud.body_ids`.
     accuracy
         What the engine is given: that of the scene, with this spacing and a resolution that is a number.
+    colliders
+        What a user would call those of the problem.
     notes
         Sentences for the user about all of it.
     """
@@ -91,6 +93,7 @@ class Assembly:
     spacing: float
     bodies: tuple[Body, ...]
     accuracy: EngineAccuracy
+    colliders: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -199,17 +202,26 @@ def assemble(
         start += len(points)
     x, y, z = (np.min(bounds, axis=(0, 1)) + np.max(bounds, axis=(0, 1))) / 2
     joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
+    colliders = colliders_of(scene, objects)
+    surfaces = rigid_surfaces([placed for _, placed in moving])
     problem = PointProblem(
         points=PointCloud(**joined),
         materials=tuple(materials),
-        colliders=scene.colliders,
+        colliders=tuple(colliders.values()),
         drives=scene.drives,
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
-        hints=(GridAnchor(place=(float(x), float(y), float(z))), *rigid_surfaces([placed for _, placed in moving])),
+        hints=(GridAnchor(place=(float(x), float(y), float(z))), *surfaces),
     )
-    return Assembly(problem=problem, spacing=spacing, bodies=tuple(bodies), accuracy=accuracy, notes=notes)
+    return Assembly(
+        problem=problem,
+        spacing=spacing,
+        bodies=tuple(bodies),
+        accuracy=accuracy,
+        colliders=tuple(colliders),
+        notes=notes,
+    )
 
 
 def _sample(

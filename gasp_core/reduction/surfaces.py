@@ -4,13 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gasp_core.contract import Rigid
+from gasp_core.contract import Collider, Rigid
+from gasp_core.scene.file_shapes import resolved
+from gasp_core.scene.model import Scene
 from gasp_core.scene.placed_solid import FEW
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.solid_fields import field_of
 from gasp_core.stepping.body_shape import BodyShape
 
-__all__ = ["rigid_surfaces"]
+__all__ = ["colliders_of", "rigid_surfaces"]
+
+
+def colliders_of(scene: Scene, objects: Sequence[PlacedObject]) -> dict[str, Collider]:
+    """Everything that matter of a scene collides with, as engines understand it, by what a user would call it.
+
+    Parameters
+    ----------
+    scene
+        Its colliders come first.
+    objects
+        All of them, placed; those that stand still and say `collider` are colliders.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where a file cannot be read, or there is no body in it.
+    """
+    found = {f"collider {number}": resolved(one) for number, one in enumerate(scene.colliders, start=1)}
+    for placed in objects:
+        if placed.item.collider is not None:
+            name = placed.item.name
+            found[f'object "{name}"'] = placed.item.collider.of(field_of(placed.solid(), name))
+    return found
 
 
 def rigid_surfaces(moving: Sequence[PlacedObject]) -> tuple[BodyShape, ...]:

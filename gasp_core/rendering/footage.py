@@ -14,6 +14,7 @@ from gasp_core.errors import RecordingError
 from gasp_core.io import read_splat
 from gasp_core.recording import Recording
 from gasp_core.render_input import RenderInput
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placed_solid import PlacedSolid
 from gasp_core.scene.placement import Placement
@@ -85,8 +86,8 @@ class RecordedFootage:
 
     @property
     def colliders(self) -> tuple[Collider, ...]:
-        """Of the scene."""
-        return self.recording.scene.colliders
+        """Of the scene, those that a formula describes: what a file describes is drawn as an object where it is one."""
+        return tuple(one for one in self.recording.scene.colliders if not isinstance(one.shape, FileShape))
 
     @property
     def camera(self) -> CameraChoice | None:

@@ -20,6 +20,7 @@ from gasp_core.rendering.outputs import Output, open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.rendering.viewpoints import cameras_for
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 
 __all__ = ["LiveFilm", "expected_motion"]
@@ -157,4 +158,7 @@ def expected_motion(start: Motion, scene: Scene) -> Motion:
             if slope > 0:
                 clearance = float(collider.shape.signed_distance(start.points).min())
                 fall = min(fall, max(clearance, 0.0) / slope)
+    if any(item.collider for item in scene.objects) or any(isinstance(one.shape, FileShape) for one in scene.colliders):
+        # It lands on something of the picture, or beside it.
+        fall = min(fall, float(np.ptp(start.points @ down)))
     return start.moved(fall * down)

@@ -6,6 +6,8 @@ from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.objects import Floaters, Reduction, SplatObject
+from gasp_core.scene.preset_table import MaterialPreset
+from gasp_core.scene.presets import material_preset
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 from gasp_core.scene.writing import scene_to_toml
 
@@ -16,6 +18,7 @@ __all__ = [
     "Floaters",
     "FrameSequence",
     "MapChoice",
+    "MaterialPreset",
     "Motion",
     "PythonMotion",
     "RecordingChoice",
@@ -25,5 +28,6 @@ __all__ = [
     "Swing",
     "Wave",
     "load_scene",
+    "material_preset",
     "scene_to_toml",
 ]

@@ -14,8 +14,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
-from gasp_core.contract import EngineAccuracy
+from gasp_core.contract import Collider, EngineAccuracy
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.file_shapes import FileShape, known_by_content
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import PythonMotion
 from gasp_core.scene.objects import SplatObject, UpAxis
@@ -39,6 +40,7 @@ def scene_digest(scene: Scene, sources: Sequence[str]) -> str:
     """
     deciding = dataclasses.replace(
         scene,
+        colliders=tuple(_collider(one) for one in scene.colliders),
         duration=1 / scene.frame_rate,
         engine=EngineChoice(),  # compared by itself, so that one can say what differs
         recording=RecordingChoice(),
@@ -51,9 +53,14 @@ def scene_digest(scene: Scene, sources: Sequence[str]) -> str:
 
 
 def what_differs(owner: Any) -> dict[str, Any]:
-    """Fields of a dataclass that are not at their defaults, as JSON values; with its kind where it has one."""
+    """Fields of a dataclass that are not at their defaults, as JSON values; with its kind where it has one.
+
+    What makes no difference to its class, a name for messages, makes none here.
+    """
     told: dict[str, Any] = {}
     for field in dataclasses.fields(owner):
+        if not field.compare:
+            continue
         value = getattr(owner, field.name)
         if field.default is not dataclasses.MISSING:
             at_default = bool(value == field.default)
@@ -65,6 +72,15 @@ def what_differs(owner: Any) -> dict[str, Any]:
             told[field.name] = _plain(value)
     kind = getattr(owner, "kind", None)
     return {"kind": kind, **told} if kind else told
+
+
+def _collider(collider: Collider) -> Collider:
+    """By the content of its file, wherever that lies."""
+    known = known_by_content(collider)
+    if not isinstance(known.shape, FileShape):
+        return known
+    shape = dataclasses.replace(known.shape, file=Path(known.shape.sha256), sha256="")
+    return dataclasses.replace(known, shape=shape)
 
 
 def _object(item: SplatObject, source: str) -> dict[str, Any]:

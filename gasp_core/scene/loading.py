@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -12,32 +11,26 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import (
-    MATERIALS,
-    BoxShape,
-    Collider,
-    ContactCondition,
     Domain,
     Drive,
     Driven,
     EngineAccuracy,
-    HalfSpace,
     Impulse,
-    Material,
     Pinned,
-    Shape,
-    Side,
-    SphereShape,
     Wind,
 )
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
+from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.shape_tables import path_of, read_collider, read_contact, read_shape
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 from gasp_core.scene.writing import MEMORY
 from gasp_core.solid.options import SolidOptions
@@ -46,15 +39,13 @@ __all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
 _LONGEST_SCENE = 1 << 20
-_LONGEST_PATH = 300
 _DEEPEST = 64
-_VARIABLE = re.compile(r"\$\{?(\w+)")
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 """Python's reader of TOML takes time with the square of a key's parts."""
 _TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
 _OBJECT = (
     "name", "splat", "material", "static", "up", "height", "metres_per_unit", "position", "rotation", "velocity",
-    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
+    "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion", "collider",
 )  # fmt: skip
 
 
@@ -139,10 +130,16 @@ def _placed_beside(scene: Scene, folder: Path) -> Scene:
         else dataclasses.replace(item, splat=folder / item.splat)
         for item in scene.objects
     )
+    colliders = tuple(
+        dataclasses.replace(one, shape=dataclasses.replace(one.shape, file=folder / one.shape.file))
+        if isinstance(one.shape, FileShape)
+        else one
+        for one in scene.colliders
+    )
     camera = scene.camera
     if camera is not None and camera.file is not None:
         camera = dataclasses.replace(camera, file=folder / camera.file)
-    return dataclasses.replace(scene, objects=objects, camera=camera)
+    return dataclasses.replace(scene, objects=objects, colliders=colliders, camera=camera)
 
 
 def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:
@@ -217,7 +214,7 @@ def _read(top: Table, folder: Path | None) -> Scene:
             "frame_rate": head.number("frame_rate"),
             "gravity": head.vector("gravity", (0.0, 0.0, -9.81)),
             "objects": tuple(objects),
-            "colliders": tuple(_read_collider(table) for table in top.tables("collider")),
+            "colliders": tuple(read_collider(table, folder) for table in top.tables("collider")),
             "drives": tuple(_read_drive(table) for table in top.tables("drive")),
             "force_fields": tuple(_read_wind(table) for table in top.tables("wind")),
             "domain": top.table("domain").build(Domain) if top.has("domain") else None,
@@ -232,9 +229,9 @@ def _read(top: Table, folder: Path | None) -> Scene:
 
 def _read_object(table: Table, folder: Path | None) -> SplatObject:
     table.only(*_OBJECT)
-    values: dict[str, Any] = {"name": table.text("name"), "splat": _path(table, "splat", folder)}
+    values: dict[str, Any] = {"name": table.text("name"), "splat": path_of(table, "splat", folder)}
     if table.has("material"):
-        values["material"] = _read_material(table.table("material"))
+        values["material"] = read_material(table)
     for key in ("height", "metres_per_unit"):
         if table.has(key):
             values[key] = table.number(key)
@@ -250,42 +247,17 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     if table.has("solid"):
         values["solid"] = table.table("solid").build(SolidOptions)
     if table.has("region"):
-        values["region"] = _read_shape(table.table("region"))
+        values["region"] = read_shape(table.table("region"))
     if table.has("vertices"):
         values["vertices"] = _read_vertices(table)
+    if table.has("collider"):
+        values["collider"] = read_contact(table)
     if table.has("motion"):
         values["motion"] = _read_motion(table.table("motion"), folder)
     values["static"] = table.flag("static")
     values["min_opacity"] = table.number("min_opacity", 0.0)
     values["floaters"] = table.choice("floaters", {rule.value: rule for rule in Floaters}, Floaters.KEEP.value)
     return table.make(SplatObject, values)
-
-
-def _path(table: Table, key: str, folder: Path | None) -> Path:
-    text = table.text(key)
-    if folder is None:
-        return Path(text)
-    try:
-        path = folder / Path(os.path.expandvars(text)).expanduser()
-        there = path.exists()
-    except (OSError, ValueError, RuntimeError):
-        # A name that is too long, a null character, a home of nobody: none of them is a file.
-        path, there = folder, False
-    if not there:
-        # As it is written: what a variable stands for need not go to everybody who is shown the message.
-        unset = [name for name in _VARIABLE.findall(text) if name not in os.environ]
-        hint = f"{unset[0]} is not set in the environment" if unset else "relative paths start at the scene file"
-        table.fail(key, f"no such file: {_shortened(text)} ({hint})")
-    return path
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."
-
-
-def _read_material(table: Table) -> Material:
-    kind: type[Material] = table.choice("model", MATERIALS)
-    return table.build(kind, tag="model")
 
 
 def _read_motion(table: Table, folder: Path | None) -> Motion:
@@ -314,50 +286,21 @@ def _read_vertices(table: Table) -> Literal[3, 4, "auto"]:
     return value
 
 
-def _read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
-    """The shape a table describes; keys in `also` belong to somebody else."""
-    shape = table.choice("shape", {"plane": "plane", "box": "box", "sphere": "sphere"})
-    if shape == "box":
-        table.only("shape", "center", "half_extents", *also)
-        return table.make(BoxShape, {"center": table.vector("center"), "half_extents": table.vector("half_extents")})
-    if shape == "sphere":
-        table.only("shape", "center", "radius", *also)
-        return table.make(SphereShape, {"center": table.vector("center"), "radius": table.number("radius")})
-    if plane_height and table.has("height"):
-        table.only("shape", "height", *also)
-        return table.make(HalfSpace, {"point": (0.0, 0.0, table.number("height")), "normal": (0.0, 0.0, 1.0)})
-    table.only("shape", "point", "normal", *(["height"] if plane_height else []), *also)
-    return table.make(HalfSpace, {"point": table.vector("point"), "normal": table.vector("normal")})
-
-
-def _read_collider(table: Table) -> Collider:
-    shape = _read_shape(table, "contact", "friction", "side", plane_height=True)
-    return table.make(
-        Collider,
-        {
-            "shape": shape,
-            "contact": table.choice("contact", {way.value: way for way in ContactCondition}, "separate"),
-            "friction": table.number("friction", 0.0),
-            "side": table.choice("side", {side.value: side for side in Side}, "outside"),
-        },
-    )
-
-
 def _read_drive(table: Table) -> Drive:
     kind = table.choice("kind", _DRIVES)
     table.required("region", 'a table such as { shape = "box", center = [0, 0, 0], half_extents = [1, 1, 1] }')
-    return table.build(kind, tag="kind", region=_read_shape(table.table("region")))
+    return table.build(kind, tag="kind", region=read_shape(table.table("region")))
 
 
 def _read_wind(table: Table) -> Wind:
-    region = _read_shape(table.table("region")) if table.has("region") else None
+    region = read_shape(table.table("region")) if table.has("region") else None
     return table.build(Wind, region=region)
 
 
 def _read_camera(table: Table, folder: Path | None) -> CameraChoice:
     given: dict[str, Any] = {}
     if table.has("file"):
-        given["file"] = _path(table, "file", folder)
+        given["file"] = path_of(table, "file", folder)
     return table.build(CameraChoice, **given)
 
 

@@ -8,14 +8,15 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Literal
 
-from gasp_core.contract import Material, Shape
+from gasp_core.contract import Collider, ContactCondition, Material, Shape
+from gasp_core.contract.forcing import check_friction
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.motions import FrameSequence, Motion
 from gasp_core.solid.options import SolidOptions
 
-__all__ = ["Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis"]
+__all__ = ["Contact", "Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis", "check_rotation"]
 
 _LONGEST_NAME = 200
 
@@ -111,6 +112,21 @@ class Reduction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """How matter touches an object that stands still, as it touches a `Collider`."""
+
+    contact: ContactCondition = ContactCondition.SEPARATE
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_friction(self)
+
+    def of(self, shape: Shape) -> Collider:
+        """The collider of this shape."""
+        return Collider(shape=shape, contact=self.contact, friction=self.friction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SplatObject:
     """A splat, where it is put and what it is made of.
 
@@ -124,6 +140,8 @@ class SplatObject:
         What it is made of; None only with `static`.
     static
         Drawn where it stands, never simulated.
+    collider
+        How matter collides with the body behind it, only with `static`; None: not at all.
     up
         The splat's axis that becomes +z. None: "-y" for a file, the habit of 3DGS captures, and "+z" for Gaussians
         built in memory, the frame of everything else here.
@@ -167,6 +185,7 @@ class SplatObject:
     splat: Path | Gaussians
     material: Material | None = None
     static: bool = False
+    collider: Contact | None = None
     up: UpAxis | None = None
     height: float | None = None
     metres_per_unit: float | None = None
@@ -193,6 +212,10 @@ class SplatObject:
             object.__setattr__(self, "splat", Path(self.splat))
         if self.static and self.material is not None:
             raise SceneError(f'SplatObject.material of "{self.name}" has no meaning with static: leave one of them out')
+        if self.collider is not None and not self.static:
+            raise SceneError(
+                f'SplatObject.collider of "{self.name}" has no meaning without static: bodies that move meet anyway'
+            )
         if not self.static and self.material is None:
             raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
         if self.up is not None and self.up not in UP_AXES:
@@ -208,7 +231,7 @@ class SplatObject:
         finite_vector(self, "angular_velocity")
         finite(self, "min_opacity", low=0.0, high=1.0)
         if self.rotation is not None:
-            _check_rotation(self)
+            check_rotation(self)
         if self.vertices not in (None, 3, 4, "auto"):
             raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
         if self.motion is not None:
@@ -229,14 +252,16 @@ def _check_motion(owner: SplatObject, motion: Motion) -> None:
         )
 
 
-def _check_rotation(owner: SplatObject) -> None:
+def check_rotation(owner: Any) -> None:
+    """Replace the field `rotation` by a tuple of three degrees or four parts of a quaternion, or refuse it."""
     value: Any = owner.rotation
+    where = f"{type(owner).__name__}.rotation"
     try:
         rotation = tuple(float(component) for component in value)
     except (TypeError, ValueError):
         rotation = ()
     if len(rotation) not in (3, 4) or not all(math.isfinite(component) for component in rotation):
-        raise SceneError(f"SplatObject.rotation must be three degrees or a quaternion w x y z, found {value!r}")
+        raise SceneError(f"{where} must be three degrees or a quaternion w x y z, found {value!r}")
     if len(rotation) == 4 and not any(rotation):
-        raise SceneError("SplatObject.rotation must not be the zero quaternion")
+        raise SceneError(f"{where} must not be the zero quaternion")
     object.__setattr__(owner, "rotation", rotation)

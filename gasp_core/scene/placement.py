@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract.validation import Vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternions
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.scene.objects import SplatObject, UpAxis
 
-__all__ = ["Placement", "place", "placement_of", "robust_box", "up_axis", "upright"]
+__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "up_axis", "upright"]
 
 Array = NDArray[Any]
 
@@ -83,26 +84,52 @@ def placement_of(item: SplatObject, gaussians: Gaussians) -> Placement:
     SceneError
         Where a height is asked of a splat that has none.
     """
-    up = up_axis(item)
-    rotation = upright(up)
-    means = gaussians.means.astype(np.float64)
-    scale = 1.0 if item.metres_per_unit is None else item.metres_per_unit
-    if item.height is not None:
-        lower, upper = robust_box(means @ rotation.T)
+    return similarity(
+        gaussians.means.astype(np.float64),
+        up=up_axis(item),
+        height=item.height,
+        metres_per_unit=item.metres_per_unit,
+        rotation=item.rotation,
+        position=item.position,
+        name=f'object "{item.name}"',
+    )
+
+
+def similarity(
+    points: Array,
+    *,
+    up: UpAxis,
+    height: float | None,
+    metres_per_unit: float | None,
+    rotation: tuple[float, ...] | None,
+    position: Vector | None,
+    name: str,
+) -> Placement:
+    """How points (N, 3) of a file are put into the world; the other parameters are those of `SplatObject`.
+
+    Raises
+    ------
+    SceneError
+        Where a height is asked of what has none; it is said by its `name`.
+    """
+    turn = upright(up)
+    scale = 1.0 if metres_per_unit is None else metres_per_unit
+    if height is not None:
+        lower, upper = robust_box(points @ turn.T)
         if not upper[2] > lower[2]:
             raise SceneError(
-                f'object "{item.name}": height = {item.height:g} cannot be met, the splat has no extent along its'
+                f"{name}: height = {height:g} cannot be met, it has no extent along its"
                 f" up axis {up}: say metres_per_unit instead"
             )
-        scale = item.height / float(upper[2] - lower[2])
-    if item.rotation is not None:
-        rotation = _turn(item.rotation) @ rotation
+        scale = height / float(upper[2] - lower[2])
+    if rotation is not None:
+        turn = _turn(rotation) @ turn
     translation = np.zeros(3)
-    if item.position is not None:
-        lower, upper = robust_box(means @ (scale * rotation).T)
+    if position is not None:
+        lower, upper = robust_box(points @ (scale * turn).T)
         foot = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
-        translation = np.asarray(item.position) - foot
-    return Placement(rotation=rotation, scale=scale, translation=translation)
+        translation = np.asarray(position) - foot
+    return Placement(rotation=turn, scale=scale, translation=translation)
 
 
 def place(gaussians: Gaussians, placement: Placement) -> Gaussians:

@@ -17,11 +17,15 @@ Array = NDArray[Any]
 
 _MARGIN = 3
 """Nodes around what is inside."""
-_OFF = 0.4
-"""Details by which 95 % of a solid's surface are nearer than: twice the root mean square of noisy shells with holes,
-`benchmarks/solids.py`."""
+_OFF = 0.65
+"""Details by which 95 % of a capture's surface are nearer than to that of a grid twice as fine,
+`benchmarks/collider_fields.py`."""
+_APART = 1.0
+"""Details off the body from which on a piece of a sheet is one."""
+_AROUND, _WHOLE = 2.0, 0.5
+"""Of a disc of so many details around a piece, the share that there is of the sheet."""
 _PIECE = 0.75
-"""Radius of the balls that a sheet is made of, in spacings: its pieces are about one apart."""
+"""Radius of the balls that a sheet is made of, in details: its pieces are about one apart."""
 
 
 def field_of(solid: PlacedSolid, name: str) -> SignedDistanceField:
@@ -41,10 +45,10 @@ def field_of(solid: PlacedSolid, name: str) -> SignedDistanceField:
     SceneError
         Where nothing is inside, and there is no sheet.
     """
-    inside, sheets, spacing = solid.nodes_inside(), solid.sheet_positions(), solid.spacing
+    inside, sheets, spacing = solid.nodes_inside(), _sheets(solid), solid.spacing
     if not len(inside) and not len(sheets):
         raise SceneError(f'object "{name}": its Gaussians enclose no body, so nothing can collide with it')
-    radius = max(solid.solid.sheets.thickness * solid.scale / 2, _PIECE * spacing) if len(sheets) else 0.0
+    radius = _PIECE * max(solid.detail, spacing) if len(sheets) else 0.0
     lower = np.concatenate([inside, sheets - radius]).min(axis=0)
     upper = np.concatenate([inside, sheets + radius]).max(axis=0)
     # On the solid's own nodes where the object is not turned: nothing is interpolated then.
@@ -59,6 +63,22 @@ def field_of(solid: PlacedSolid, name: str) -> SignedDistanceField:
     return SignedDistanceField(
         origin=tuple(origin), spacing=spacing, values=values.reshape(counts), error=_OFF * solid.detail
     )
+
+
+def _sheets(solid: PlacedSolid) -> Array:
+    """Places (S, 3) [m] of thin matter that is no fuzz on the body and no lone speck."""
+    from scipy.spatial import KDTree
+
+    places, areas = solid.sheet_positions(), solid.solid.sheets.areas * solid.scale**2
+    apart = solid.distance_at(places) > _APART * solid.detail
+    places, areas = places[apart], areas[apart]
+    if not len(places):
+        return places
+    tree: Any = KDTree(places)
+    reach = _AROUND * solid.detail
+    beside = tree.query_ball_point(places, reach)
+    around = np.array([areas[rows].sum() for rows in beside])
+    return places[around > _WHOLE * np.pi * reach**2]
 
 
 def _distance_to(places: Array, nodes: Array) -> Array:

@@ -11,14 +11,15 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Material, SphereShape
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import Motion
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.schema import SCHEMA
 
-__all__ = ["MEMORY", "gaussians_digest", "motion_table", "scene_to_toml"]
+__all__ = ["MEMORY", "gaussians_digest", "material_table", "motion_table", "scene_to_toml"]
 
 MEMORY = "memory:"
 """Stands before the digest of Gaussians that came from no file."""
@@ -52,7 +53,7 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     for item in scene.objects:
         lines += ["", "[[object]]", *_entries(_object(item, beside))]
     for collider in scene.colliders:
-        lines += ["", "[[collider]]", *_entries(_collider(collider))]
+        lines += ["", "[[collider]]", *_entries(_collider(collider, beside))]
     for drive in scene.drives:
         lines += ["", "[[drive]]", *_entries({"kind": drive.kind, **_fields(drive)})]
     for wind in scene.force_fields:
@@ -88,10 +89,18 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = _path(item.splat, beside)
     if item.material is not None:
-        values["material"] = {"model": item.material.kind, **_fields(item.material)}
+        values["material"] = material_table(item.material)
     if item.motion is not None:
         values["motion"] = motion_table(item.motion)
     return values
+
+
+def material_table(material: Material) -> dict[str, Any]:
+    """A material as the table of a scene file: all its numbers, wherever they are from."""
+    values = _fields(material)
+    if not material.name:
+        del values["name"]
+    return {"model": material.kind, **values}
 
 
 def motion_table(motion: Motion) -> dict[str, Any]:
@@ -99,9 +108,12 @@ def motion_table(motion: Motion) -> dict[str, Any]:
     return {"kind": motion.kind, **_fields(motion)}
 
 
-def _collider(collider: Collider) -> dict[str, Any]:
+def _collider(collider: Collider, beside: Path | None) -> dict[str, Any]:
     values = _fields(collider)
     shape: dict[str, Any] = values.pop("shape")
+    if isinstance(collider.shape, FileShape):
+        shape[collider.shape.kind] = _path(collider.shape.file, beside)
+        del shape["file"]
     return {**shape, **values}
 
 
@@ -112,7 +124,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, (HalfSpace, BoxShape, SphereShape)):
+    if isinstance(value, (HalfSpace, BoxShape, SphereShape, FileShape)):
         return {"shape": value.kind, **_fields(value)}
     if isinstance(value, Gaussians):
         return ""

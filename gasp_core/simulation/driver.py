@@ -40,8 +40,9 @@ from gasp_core.simulation.engine_choice import ChosenEngine, choose_engine
 from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
 from gasp_core.simulation.recording_header import header_of
 from gasp_core.simulation.splat_sources import Prepared, prepare
+from gasp_core.simulation.stiff_matter import refuse_too_stiff
 
-__all__ = ["simulate"]
+__all__ = ["simulate", "simulate_part"]
 
 Array = NDArray[Any]
 
@@ -105,6 +106,50 @@ def simulate(
         longer credible, EngineCrashedError where the process of an isolated engine dies; the frames up to the last good
         one are kept.
     """
+    return simulate_part(
+        scene,
+        scene,
+        engine,
+        out,
+        device=device,
+        precision=precision,
+        resume=resume,
+        frames=frames,
+        overwrite=overwrite,
+        isolate=isolate,
+        trust_code=trust_code,
+        progress=progress,
+        recorded=recorded,
+    )
+
+
+def simulate_part(
+    scene: Scene,
+    whole: Scene,
+    engine: str | tuple[EngineDescriptor, PointEngine] | None = None,
+    out: str | Path | None = None,
+    *,
+    device: str | None = None,
+    precision: Precision | None = None,
+    resume: bool = False,
+    frames: int | None = None,
+    overwrite: bool = False,
+    isolate: bool | None = None,
+    trust_code: bool = False,
+    progress: bool | None = None,
+    recorded: Callable[[int], None] | None = None,
+) -> Recording:
+    """`simulate` a scene that is a part of another one, its first moments, and is refused what that one is refused.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    whole
+        What it is a part of: the same but for duration and frame rate.
+    engine, out, device, precision, resume, frames, overwrite, isolate, trust_code, progress, recorded
+        As of `simulate`.
+    """
     if frames is not None and frames < 1:
         raise SceneError(f"frames must be at least 1, found {frames!r}")
     refuse_untrusted(scene, trust_code)
@@ -116,16 +161,18 @@ def simulate(
     if found is None:
         refuse_existing(path, overwrite)
     known = {} if found is None else _carriers_of(found)
+    wanted = scene.frame_count
+    end = wanted if frames is None else min(frames, wanted)
+    # Where an engine begins with matter at rest: what a checkpoint has of it, the engine knows better.
+    judged = whole if found is None and end > 1 else None
     if code_of(scene):
         # Whoever's code it is, it is not imported for a scene that is refused for something else.
-        _check_supported(without_code(scene), chosen, known)
-    prepared = _check_supported(scene, chosen, known)
-    wanted = scene.frame_count
+        _check_supported(without_code(scene), judged, chosen, known)
+    prepared = _check_supported(scene, judged, chosen, known)
     header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     with progress_for(progress, wanted) as shown:
         for note in header.notes:
             shown.say(note)
-        end = wanted if frames is None else min(frames, wanted)
         if found is not None:
             refuse_other(found, header, chosen.descriptor, options)
             writer, last, restart = RecordingWriter.resume(found, wanted)
@@ -158,18 +205,31 @@ def _carriers_of(found: Recording) -> dict[str, TransferOperator]:
     return {body.name: body.carrier for body in bodies}
 
 
-def _check_supported(scene: Scene, chosen: ChosenEngine, known: Mapping[str, TransferOperator]) -> Prepared:
-    """Read a scene and refuse what its engine does not declare."""
+def _check_supported(
+    scene: Scene, judged: Scene | None, chosen: ChosenEngine, known: Mapping[str, TransferOperator]
+) -> Prepared:
+    """Read a scene and refuse what its engine does not declare, or what frames as of `judged` are too long for."""
     prepared = prepare(scene, known)
+    names = [body.name for body in prepared.assembly.bodies]
     check_supported(
         prepared.assembly.problem,
         chosen.descriptor,
         device=scene.engine.device,
         precision=scene.engine.precision,
         fields=frozenset({Field.VELOCITIES}) if scene.recording.velocities else frozenset(),
-        body_names=[body.name for body in prepared.assembly.bodies],
+        body_names=names,
         others=discover().engines.values(),
     )
+    if judged is not None:
+        refuse_too_stiff(
+            prepared.assembly.problem,
+            chosen.descriptor,
+            prepared.assembly.accuracy,
+            frame_step=1 / judged.frame_rate,
+            duration=judged.duration,
+            body_names=names,
+            others=discover().engines.values(),
+        )
     return prepared
 
 

@@ -32,7 +32,7 @@ from gasp_core.contract import (
 )
 from gasp_core.processes.usage import usage_so_far
 from gasp_core.scene.model import Scene
-from gasp_core.simulation.driver import simulate
+from gasp_core.simulation.driver import simulate_part
 from gasp_core.simulation.engine_choice import choose_engine
 
 __all__ = ["EITHER_WAY", "Estimate", "estimate_run", "first_moments"]
@@ -154,8 +154,10 @@ def estimate_run(
 
     # The process of its own, where one is asked for, is that of the engine that is handed over.
     handed_over = dataclasses.replace(set_up.engine, isolate=False, frame_limit=None)
-    trial = simulate(
-        first_moments(dataclasses.replace(set_up, engine=handed_over)),
+    set_up = dataclasses.replace(set_up, engine=handed_over)
+    trial = simulate_part(
+        first_moments(set_up),
+        set_up,
         (chosen.descriptor, timed),
         folder,
         trust_code=trust_code,

@@ -17,6 +17,7 @@ from gasp_core.games import FLATNESS, flatten
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
 from gasp_core.reduction.assembly import Body
 from gasp_core.scene.digest import scene_digest
+from gasp_core.scene.file_shapes import known_by_content
 from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import motion_table, scene_to_toml
 from gasp_core.simulation.engine_choice import ChosenEngine, distribution_version
@@ -49,6 +50,7 @@ def header_of(
 ) -> Header:
     """The header of the recording at a path, of a scene that an engine runs with these options."""
     assembly = prepared.assembly
+    told = dataclasses.replace(scene, colliders=tuple(known_by_content(one) for one in scene.colliders))
     ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
     rows = {placed.item.name: index for index, placed in enumerate(prepared.objects)}
     capabilities = chosen.descriptor.capabilities
@@ -58,12 +60,12 @@ def header_of(
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
-    notes += oddities(prepared.objects, assembly.problem)
-    inside = starts_inside(assembly.problem, assembly.spacing)
+    notes += oddities(prepared.objects, assembly)
+    inside = starts_inside(assembly.problem, assembly.spacing, assembly.colliders)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(
         gasp_version=distribution_version("gasp-core"),
-        scene=scene_to_toml(scene, path.absolute().parent),
+        scene=scene_to_toml(told, path.absolute().parent),
         scene_digest=scene_digest(scene, prepared.digests),
         points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
         frame_rate=scene.frame_rate,

@@ -29,6 +29,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.stepping.threads import ThreadOptions
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = ["mpm_descriptor"]
 
@@ -71,6 +72,7 @@ def mpm_descriptor(
             carries_tracers=True,
             checkpoints=True,
             device_indices=device_indices,
+            stable_step=rest_bound,
         ),
         factory=factory,
         options=ThreadOptions,

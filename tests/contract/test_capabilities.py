@@ -135,6 +135,8 @@ def test_each_capability_that_is_missing_is_refused(refusal):
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
     described = {"conserved", "determinism", "temporal_order", "iterates", "unconditionally_stable", "damping"}
+    # Steps that are too many are refused by themselves: tests/simulation/test_stiff_matter.py.
+    described |= {"stable_step"}
     # No scene asks for a view, and an index is part of a device: below.
     described |= {"views", "device_indices"}
     tried = {name for less in LESS.values() for name in less}
@@ -148,6 +150,18 @@ def test_the_message_of_the_design():
         check_supported(problem(), flex, body_names=["bear", "bucket"], others=others)
     assert str(caught.value) == (
         'mujoco-flex does not model sand (object "bucket"); engines that do: taichi-mpm, warp-mpm'
+    )
+
+
+def test_a_material_with_a_name_is_called_by_it():
+    named = tuple(dataclasses.replace(material, name=f"fine {material.kind}") for material in MATERIALS)
+    weak, strong = engine(materials=frozenset({Elastic})), engine("strong")
+    with pytest.raises(UnsupportedSceneError) as caught:
+        check_supported(
+            dataclasses.replace(problem(), materials=named), weak, body_names=["bear", "bucket"], others=[strong]
+        )
+    assert str(caught.value) == (
+        'black-box does not model sand, the model of "fine sand" (object "bucket"); engines that do: strong'
     )
 
 

@@ -20,7 +20,8 @@ def told(positions, volumes, *colliders: Collider, bodies=0) -> list[tuple[int, 
         body_ids=np.full(count, bodies),
     )
     soft = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
-    return list(starts_inside(PointProblem(points=points, materials=(soft,), colliders=colliders), 0.1))
+    names = [f"collider {number}" for number in range(1, 1 + len(colliders))]
+    return list(starts_inside(PointProblem(points=points, materials=(soft,), colliders=colliders), 0.1, names))
 
 
 def test_points_in_the_floor_are_told_with_their_mass_and_depth() -> None:

@@ -24,6 +24,7 @@ from gasp_core.contract import (
     PointProblem,
     Sand,
     Side,
+    SignedDistanceField,
     SphereShape,
     StepReport,
     Wind,
@@ -319,6 +320,38 @@ class HalfExtentsHalved(Mutant):
             return collider
         x, y, z = box.half_extents
         return replace(collider, shape=replace(box, half_extents=(x / 2, y / 2, z / 2)))
+
+
+@mutant(
+    "shifted-fields",
+    {
+        "collider:signed distance field[outside]": "stopped before it",
+        "collider:signed distance field[inside]": "deepest point",
+    },
+)
+class ShiftedFields(Mutant):
+    """A field is four nodes away from where it should be."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, self._shifted)
+
+    def _shifted(self, collider: Collider) -> Collider:
+        field = collider.shape
+        if not isinstance(field, SignedDistanceField):
+            return collider
+        x, y, z = (place + 4 * field.spacing for place in field.origin)
+        return replace(collider, shape=replace(field, origin=(x, y, z)))
+
+
+@mutant("smooth-fields", {"collider:signed distance field[slope]": "way - Coulomb's"})
+class SmoothFields(Mutant):
+    """A field has no friction."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, self._smoothed)
+
+    def _smoothed(self, collider: Collider) -> Collider:
+        return replace(collider, friction=0.0) if isinstance(collider.shape, SignedDistanceField) else collider
 
 
 @mutant("impulse-twice", {"drive:impulse": "error of the centre after"})

@@ -28,6 +28,7 @@ from gasp_core.contract import (
     Snow,
 )
 from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = ["CAPABILITIES", "ENVIRONMENT", "gasp_point_engines"]
 
@@ -46,6 +47,7 @@ CAPABILITIES = EngineCapabilities(
     domain_policies=frozenset({DomainPolicy.EXPAND, DomainPolicy.STOP}),
     temporal_order=2.0,
     checkpoints=True,
+    stable_step=rest_bound,
 )
 
 ENVIRONMENT = EngineEnvironment(python="3.11", packages=("genesis-world==1.4.5", "torch==2.13.0"))
@@ -58,7 +60,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="genesis-mpm",
             summary="Genesis 1.4.5, its material point method, in an environment of its own",
-            contract_version=(1, 0),
+            contract_version=(1, 1),
             capabilities=CAPABILITIES,
             factory="gasp_genesis_mpm.engine:GenesisMpm",
             environment=ENVIRONMENT,

@@ -103,6 +103,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 temporal_order=1.0,
                 iterates=True,
                 checkpoints=True,
+                unconditionally_stable=True,
             ),
             factory="gasp_mujoco_flex.engine:MujocoFlex",
             options=MujocoOptions,

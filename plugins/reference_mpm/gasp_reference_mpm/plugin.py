@@ -34,6 +34,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.discovery.hookspecs import hookimpl
+from gasp_core.stepping.time_step import rest_bound
 
 __all__ = ["CAPABILITIES", "gasp_point_engines"]
 
@@ -54,6 +55,7 @@ CAPABILITIES = EngineCapabilities(
     carries_tracers=True,
     checkpoints=True,
     views=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
+    stable_step=rest_bound,
 )
 
 

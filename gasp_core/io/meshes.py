@@ -1,0 +1,90 @@
+"""Triangle meshes: .obj, .glb, .stl, .ply, read by trimesh (the extra `meshes`)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import SplatFormatError
+from gasp_core.io.format_errors import shown
+
+__all__ = ["MESH_SUFFIXES", "TriangleMesh", "read_mesh"]
+
+Array = NDArray[Any]
+
+MESH_SUFFIXES = (".obj", ".glb", ".stl", ".ply")
+_LONGEST = 1 << 30
+_MOST_FACES = 20_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriangleMesh:
+    """Triangles.
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+        In the file's unit and frame.
+    faces : (F, 3)
+        Rows of the vertices.
+    """
+
+    vertices: Array
+    faces: Array
+
+
+def read_mesh(path: Path) -> TriangleMesh:
+    """The triangles of a file, those of all its parts where they stand in its scene.
+
+    Nothing else that the file names is opened: no materials, textures or buffers of other files. Triangles that are not
+    finite or have no area are left out.
+
+    Raises
+    ------
+    SplatFormatError
+        Where it cannot be read, or no triangle is left.
+    """
+    name = shown(path)
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise SplatFormatError(f"{name}: is no mesh that is read here: {', '.join(MESH_SUFFIXES)}")
+    try:
+        import trimesh
+    except ImportError:
+        raise SplatFormatError(f"{name}: meshes are read by trimesh: pip install 'gasp-core[meshes]'") from None
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    loading: Any = trimesh
+    try:
+        if path.stat().st_size > _LONGEST:
+            raise SplatFormatError(f"{name}: is longer than 1 GiB: decimate the mesh")
+        with path.open("rb") as stream:
+            scene = loading.load_scene(stream, file_type=suffix[1:], process=False, skip_materials=True)
+        mesh = scene.to_mesh()
+        vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    except SplatFormatError:
+        raise
+    except OSError as error:
+        raise SplatFormatError(f"{name}: cannot be read: {error.strerror or error}") from None
+    except Exception as error:
+        # A damaged file ends trimesh in whatever it stumbles over.
+        raise SplatFormatError(
+            f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {shown(str(error))[:100]})"
+        ) from None
+    if len(faces) > _MOST_FACES:
+        raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {_MOST_FACES:,} at most")
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise SplatFormatError(f"{name}: its triangles name vertices that are not there: the file is damaged")
+    corners = vertices[faces]
+    with np.errstate(over="ignore", invalid="ignore"):
+        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    faces = faces[np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)]
+    if not len(faces):
+        raise SplatFormatError(f"{name}: has no triangle with an area")
+    used, faces = np.unique(faces, return_inverse=True)
+    return TriangleMesh(vertices=vertices[used], faces=faces.reshape(-1, 3))
