@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.bpy_runtime import evaluated, new_name, new_scene, quiet, remove_scene, studio
+from gasp_blender.initial_overlap import Pieces
 from gasp_blender.meshes import mesh_object
 
 __all__ = ["RigidWorld", "turned"]
@@ -67,33 +68,43 @@ class RigidWorld:
         self._bodies: list[Any] = []
         self._frame = 0
 
-    def add_wall(self, vertices: Array, friction: float, layers: Array) -> None:
-        """A body that stands, the hull of `vertices` (V, 3); Bullet multiplies frictions, those of bodies are 1."""
+    def add_wall(self, pieces: Pieces, friction: float, layers: Array) -> None:
+        """A body that stands, of convex pieces; Bullet multiplies frictions, those of bodies are 1."""
         with quiet():
+            vertices = np.concatenate(pieces)
             center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-            wall = mesh_object(self._scene, vertices - center)
-            wall.location = center.tolist()
-            self._collection.objects.link(wall)
-            self._set(wall.rigid_body, "PASSIVE", friction)
+            wall = self._thing([piece - center for piece in pieces], center, "PASSIVE", friction)
             wall.rigid_body.collision_collections = layers.tolist()
 
-    def add_body(self, hull: Array, center: Array, mass: float, layers: Array) -> None:
-        """A body whose centre of mass is at `center` (3,), with a hull (H, 3) about it.
+    def add_body(self, pieces: Pieces, center: Array, mass: float, layers: Array) -> None:
+        """A body whose centre of mass is at `center` (3,), of convex pieces (H, 3) about it.
 
         Things that have one of their `layers` (LAYERS,) in common touch each other.
         """
         with quiet():
-            body = mesh_object(self._scene, hull)
+            body = self._thing(pieces, center, "ACTIVE", 1.0)
             body.rotation_mode = "QUATERNION"
-            body.location = center.tolist()
-            self._collection.objects.link(body)
-            self._set(body.rigid_body, "ACTIVE", 1.0)
             settings = body.rigid_body
             settings.mass = mass
             settings.linear_damping = settings.angular_damping = 0.0
             settings.use_deactivation = False
             settings.collision_collections = layers.tolist()
             self._bodies.append(body)
+
+    def _thing(self, pieces: Pieces, center: Array, kind: str, friction: float) -> Any:
+        """An object of the world, of convex pieces about its centre: several are its children."""
+        thing = mesh_object(self._scene, np.concatenate(pieces))
+        thing.location = center.tolist()
+        self._collection.objects.link(thing)
+        self._set(thing.rigid_body, kind, friction)
+        if len(pieces) > 1:
+            thing.rigid_body.collision_shape = "COMPOUND"
+            for piece in pieces:
+                part = mesh_object(self._scene, piece)
+                part.parent = thing
+                self._collection.objects.link(part)
+                self._set(part.rigid_body, kind, friction)
+        return thing
 
     def throw(self, poses: Array, velocities: Array, spins: Array, held: Array, lead: float) -> Array:
         """Start all bodies anew at `poses` (B, 4, 4), with velocities and angular velocities (B, 3); their poses then.

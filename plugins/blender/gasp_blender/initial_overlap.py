@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 
-__all__ = ["LAYERS", "collision_layers", "depths_between", "overlapping"]
+__all__ = ["LAYERS", "Pieces", "collision_layers", "depths_between", "overlapping"]
 
 Array = NDArray[Any]
+Pieces = Sequence[Array]
+"""Points (H, 3) that span each convex piece of a thing."""
 
 LAYERS = 20
 """Collision collections that Blender has."""
@@ -23,29 +25,34 @@ _DEEP = 0.01
 """Of the smaller body's size: hulls that touch, or nearly, may start so."""
 
 
-def depths_between(hulls: Sequence[Array], others: Sequence[Array], directions: Array) -> tuple[Array, Array]:
-    """How deep hulls are in other ones, (B, W), <= 0 where they are apart; and the rows of `directions` to leave by.
+def depths_between(bodies: Sequence[Pieces], others: Sequence[Pieces], directions: Array) -> tuple[Array, Array]:
+    """How deep bodies are in other ones, (B, W), <= 0 where they are apart; and the rows of `directions` to leave by.
 
     Parameters
     ----------
-    hulls, others
-        Points (H, 3) of each, in one frame.
+    bodies, others
+        Convex pieces of each, in one frame; of two that meet it is their deepest pieces that count.
     directions : (D, 3)
-        Unit vectors, along one of which the hulls are taken to be the least deep in each other.
+        Unit vectors, along one of which pieces are taken to be the least deep in each other.
     """
-    depths, ways = np.empty((len(hulls), len(others))), np.empty((len(hulls), len(others)), np.int64)
-    # Of all hulls that they meet, beneath the lowest point of one and the highest of the other.
-    lows = np.array([(other @ directions.T).min(axis=0) for other in others]).reshape(-1, len(directions))
-    for number, hull in enumerate(hulls):
-        into = (hull @ directions.T).max(axis=0) - lows
-        depths[number], ways[number] = into.min(axis=1), into.argmin(axis=1)
+    depths, ways = np.full((len(bodies), len(others)), -np.inf), np.zeros((len(bodies), len(others)), np.int64)
+    lows = [np.array([(piece @ directions.T).min(axis=0) for piece in other]) for other in others]
+    for number, body in enumerate(bodies):
+        for piece in body:
+            high = (piece @ directions.T).max(axis=0)
+            for other, low in enumerate(lows):
+                into = high - low
+                depth = into.min(axis=1)
+                deepest = int(depth.argmax())
+                if depth[deepest] > depths[number, other]:
+                    depths[number, other], ways[number, other] = depth[deepest], into[deepest].argmin()
     return depths, ways
 
 
-def overlapping(hulls: Sequence[Array], directions: Array) -> Array:
+def overlapping(bodies: Sequence[Pieces], directions: Array) -> Array:
     """Which bodies start inside each other, (B, B) bool; parameters as of `depths_between`."""
-    depths, _ = depths_between(hulls, hulls, directions)
-    sizes = np.array([np.ptp(hull, axis=0).max() for hull in hulls])
+    depths, _ = depths_between(bodies, bodies, directions)
+    sizes = np.array([np.ptp(np.concatenate(body), axis=0).max() for body in bodies])
     found = np.minimum(depths, depths.T) > _DEEP * np.minimum(sizes, sizes[:, None])
     np.fill_diagonal(found, val=False)
     return found

@@ -21,6 +21,7 @@ from gasp_core.contract import (
     Precision,
     Quantity,
     Rigid,
+    SignedDistanceField,
     SphereShape,
     Wind,
 )
@@ -36,10 +37,11 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="blender",
             summary="Blender's soft bodies on a cage, cloth and rigid bodies: springs, calibrated to Young's modulus",
-            contract_version=(1, 0),
+            contract_version=(1, 2),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
-                collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+                collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
+                region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
                 contact_conditions=frozenset(ContactCondition),
                 drives=frozenset({Pinned, Driven, Impulse}),
                 force_fields=frozenset({Wind}),

@@ -1,8 +1,8 @@
-"""Rigid bodies in motion: points ride on hulls in Blender's Bullet world."""
+"""Rigid bodies in motion: points ride on convex pieces in Blender's Bullet world."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gasp_blender.bullet import RigidWorld
 from gasp_blender.colliders import wall_of
 from gasp_blender.impulses import Struck
-from gasp_blender.initial_overlap import collision_layers, depths_between, overlapping
+from gasp_blender.initial_overlap import Pieces, collision_layers, depths_between, overlapping
 from gasp_blender.kinematic_constraints import at_start, pose, rigid_motion
 from gasp_core.contract import (
     ContactCondition,
@@ -26,7 +26,9 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.errors import SceneError
+from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.checkpoint import checkpoint_arrays
+from gasp_core.stepping.convex_pieces import convex_pieces
 
 __all__ = ["LONGEST_STEP", "RigidBodies", "rigid_rows"]
 
@@ -36,6 +38,8 @@ LONGEST_STEP = 1 / 240
 """Of Bullet [s]: contact is found at the end of a step, as deep as the body flew within one."""
 _DIRECTIONS = 2000
 """In which the farthest point of a body is looked for: they span its hull."""
+_PIECES = 128
+"""Convex bodies that a body of known shape is made of, at most: statues then go beyond their surface by a voxel."""
 _INTO_WALLS = 1e-3
 """Of its size, how deep a body may start in a wall that it touches as the others do."""
 _TURN = 0.5
@@ -85,23 +89,29 @@ class RigidBodies:
         self._world = RigidWorld(np.asarray(problem.gravity) * self._unit**2 / self._length)
         count = len(self._groups)
         self._speeds, self._spins = np.zeros((count, 3)), np.zeros((count, 3))
-        hulls: list[Array] = []
+        shapes = body_shapes(problem)
+        self._pieces: list[list[Array]] = []
         for number, (own, center) in enumerate(zip(self._groups, self._centers)):
             arms = self._rest[own] - center
             self._speeds[number], self._spins[number] = _rigid_velocity(arms, masses[own], velocities[own])
-            hulls.append(_hull(arms, float(sides[own].mean()) / 2))
-        places = [hull + center for hull, center in zip(hulls, self._centers)]
+            shape = shapes.get(int(bodies[own[0]]))
+            if shape is None:
+                self._pieces.append([_hull(arms, float(sides[own].mean()) / 2)])
+            else:
+                self._pieces.append([piece - center for piece in convex_pieces(shape, _PIECES)])
+        self._hulls = [np.concatenate(pieces) for pieces in self._pieces]
+        places = [[piece + center for piece in pieces] for pieces, center in zip(self._pieces, self._centers)]
         inside = overlapping(places, _directions())
         self.told = _told(inside, [int(bodies[own[0]]) for own in self._groups])
         walls, touching = self._walls(problem, places)
         layers = collision_layers(
             np.block([[~inside, touching], [touching.T, np.ones((len(walls), len(walls)), bool)]])
         )
-        for (vertices, friction), own_layers in zip(walls, layers[count:]):
-            self._world.add_wall((vertices - self._origin) / self._length, friction, own_layers)
+        for (wall, friction), own_layers in zip(walls, layers[count:]):
+            self._world.add_wall([(piece - self._origin) / self._length for piece in wall], friction, own_layers)
         for number, (own, center) in enumerate(zip(self._groups, self._centers)):
             self._world.add_body(
-                hulls[number] / self._length,
+                [piece / self._length for piece in self._pieces[number]],
                 (center - self._origin) / self._length,
                 float(masses[own].sum()),
                 layers[number],
@@ -113,7 +123,6 @@ class RigidBodies:
         self._grips: dict[tuple[int, int], tuple[Array, Array]] = {}
         # By body: where its centre was and how it was turned when it touched what is sticky.
         self._stuck: dict[int, tuple[Array, Array]] = {}
-        self._hulls = hulls
         self._throw()
         self._start = self._poses
         self._steps: list[tuple[float, float, float]] = []
@@ -147,31 +156,31 @@ class RigidBodies:
         self._steps.append((now, end, step))
         return True
 
-    def _walls(self, problem: PointProblem, hulls: list[Array]) -> tuple[list[tuple[Array, float]], Array]:
-        """Vertices (V, 3) [m] and friction of each wall, and which bodies touch it, (B, W) bool."""
+    def _walls(self, problem: PointProblem, bodies: Sequence[Pieces]) -> tuple[list[tuple[Pieces, float]], Array]:
+        """Convex pieces [m] and friction of each wall, and which bodies touch it, (B, W) bool."""
         normals = [collider.shape.normal for collider in problem.colliders if isinstance(collider.shape, HalfSpace)]
         planes = np.array(normals, dtype=float).reshape(-1, 3)
         directions = np.concatenate([_directions(), -np.eye(3), planes, -planes])
-        walls: list[tuple[Array, float]] = []
+        sizes = np.array([np.ptp(hull, axis=0).max() for hull in self._hulls])
+        walls: list[tuple[Pieces, float]] = []
         touching: list[Array] = []
         for collider in problem.colliders:
             hollow = isinstance(collider.shape, SphereShape) and collider.side is Side.INSIDE
             if hollow and collider.contact is ContactCondition.STICK:
                 # Bullet has no inside of a ball; what is in this one has only to be seen to touch it.
                 continue
-            for vertices in wall_of(collider, self._length):
-                depths, ways = depths_between(hulls, [vertices], directions)
-                sizes = np.array([np.ptp(hull, axis=0).max() for hull in hulls])
+            for wall in wall_of(collider, self._length):
+                depths, ways = depths_between(bodies, [wall], directions)
                 deep = depths[:, 0] > _INTO_WALLS * sizes
                 if not deep.all():
-                    walls.append((vertices, collider.friction))
+                    walls.append((wall, collider.friction))
                     touching.append(~deep)
                 for body in np.flatnonzero(deep):
                     # The direction leads from the body into the wall.
                     back = directions[ways[body, 0]] * depths[body, 0]
-                    walls.append((vertices + back, collider.friction))
-                    touching.append(np.arange(len(hulls)) == body)
-        return walls, np.array(touching, dtype=bool).reshape(-1, len(hulls)).T
+                    walls.append(([piece + back for piece in wall], collider.friction))
+                    touching.append(np.arange(len(bodies)) == body)
+        return walls, np.array(touching, dtype=bool).reshape(-1, len(bodies)).T
 
     def _throw(self) -> None:
         """Have Bullet start from the poses and velocities that bodies have now."""

@@ -12,13 +12,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SignedDistanceField, SphereShape
 from gasp_core.errors import SceneError
+from gasp_core.stepping.convex_pieces import convex_pieces, convex_walls
 from gasp_mujoco_flex.units import Units
 
-__all__ = ["HOLLOW_DIRECTIONS", "geoms_of"]
+__all__ = ["HOLLOW_DIRECTIONS", "geoms_of", "hull_geom"]
 
 Array = NDArray[Any]
+
+_PIECES = 256
+"""Convex bodies that a collider without a formula is made of, at most."""
 
 
 def _directions() -> Array:
@@ -34,8 +38,8 @@ HOLLOW_DIRECTIONS = _directions()
 They are pi / 8 apart along two great circles: the polyhedron reaches out 4 % further than the ball, at its corners."""
 
 
-def geoms_of(collider: Collider, units: Units) -> Iterator[dict[str, Any]]:
-    """Keywords of `mujoco.MjsBody.add_geom`: shape and place, in the backend's units."""
+def geoms_of(spec: Any, collider: Collider, units: Units) -> Iterator[dict[str, Any]]:
+    """Keywords of `mujoco.MjsBody.add_geom`: shape and place, in the backend's units; meshes go into `spec`."""
     shape, inside = collider.shape, collider.side is Side.INSIDE
     match shape:
         case HalfSpace():
@@ -59,8 +63,22 @@ def geoms_of(collider: Collider, units: Units) -> Iterator[dict[str, Any]]:
                 "pos": units.place(np.asarray(shape.center)),
                 "size": [shape.radius / units.length, 0.0, 0.0],
             }
+        case SignedDistanceField():
+            # A wall as thick as a body is left by the side it was entered from.
+            pieces = convex_walls(shape, units.length, _PIECES) if inside else convex_pieces(shape, _PIECES)
+            for piece in pieces:
+                yield hull_geom(spec, units.place(piece))
         case _:
             raise SceneError(f"mujoco-flex knows no {shape.kind} as a collider: use a plane, a box or a sphere")
+
+
+def hull_geom(spec: Any, vertices: Array) -> dict[str, Any]:
+    """Keywords of `add_geom` for the hull of vertices (V, 3), in the backend's units."""
+    mesh = spec.add_mesh(name=f"hull{len(spec.meshes)}")
+    mesh.uservert = vertices.ravel()
+    # It moves nothing, and a hull may be thin.
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh.name}
 
 
 def _plane(point: Any, normal: Array, units: Units) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineAccuracy, PointProblem, Precision, Rigid
+from gasp_core.contract import EngineAccuracy, PointProblem, Precision, Rigid, SignedDistanceField
 from gasp_core.errors import SceneError
+from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.voxel_cage import voxel_grid_around
 from gasp_mujoco_flex.body_mass import matter_of
 from gasp_mujoco_flex.cage import Cage, cage_of
@@ -58,7 +59,8 @@ class MujocoFlex:
         soft, hard = _sorted_bodies(problem)
         spacing = accuracy.spacing_for(problem.points.size)
         cages, side = _cages(problem, soft, spacing, options)
-        bodies = [_rigid(problem, rows, spacing, filled=options.filled) for rows in hard]
+        shapes = body_shapes(problem)
+        bodies = [_rigid(problem, rows, spacing, shapes, filled=options.filled) for rows in hard]
         model = build_model(problem, cages, bodies, options)
         note = ""
         if side > 1.5 * spacing and not options.cells:
@@ -136,9 +138,12 @@ def _cages(
     return cages, side
 
 
-def _rigid(problem: PointProblem, rows: Array, spacing: float, *, filled: bool) -> RigidBody:
+def _rigid(
+    problem: PointProblem, rows: Array, spacing: float, shapes: Mapping[int, SignedDistanceField], *, filled: bool
+) -> RigidBody:
     cloud = problem.points.reference_positions[rows]
     margin = point_distance(cloud, problem.points.reference_volumes[rows]) / 2
     side = (float(np.ptp(cloud, axis=0).max()) + 2 * margin) / _RIGID_CELLS
     grid = voxel_grid_around(cloud, margin, max(side, min(spacing, 2 * margin)))
-    return rigid_body(matter_of(problem, rows, grid, spacing, filled=filled), grid, margin)
+    matter = matter_of(problem, rows, grid, spacing, filled=filled)
+    return rigid_body(matter, grid, margin, shapes.get(int(problem.points.body_ids[rows[0]])))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import Collider, ContactCondition, Elastic, PointProblem, Side
 from gasp_core.errors import SceneError
 from gasp_mujoco_flex.cage import Cage
-from gasp_mujoco_flex.colliders import geoms_of
+from gasp_mujoco_flex.colliders import geoms_of, hull_geom
 from gasp_mujoco_flex.elements import cell_stiffness, elasticity
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody
@@ -159,12 +159,12 @@ def _add_collider(
     depth = 0.0
     for places, side in [
         *((cage.positions, cage.grid.sides.max()) for cage in cages),
-        *((body.centre + _corners(body), np.cbrt(body.matter.volumes.sum())) for body in bodies),
+        *((body.centre + body.corners, np.cbrt(body.matter.volumes.sum())) for body in bodies),
     ]:
         depth = max(depth, float((-sign * collider.shape.signed_distance(places)).max()) / side)
     gentle = depth > _TOUCHING
     added = 0
-    for shape in geoms_of(collider, units):
+    for shape in geoms_of(spec, collider, units):
         spec.worldbody.add_geom(
             **shape,
             # The collider's own friction counts, whatever the body's is.
@@ -176,14 +176,6 @@ def _add_collider(
         )
         added += 1
     return [gentle] * added
-
-
-def _corners(body: RigidBody) -> Array:
-    """Of its shapes, about its centre, (K, 3) [m]."""
-    if len(body.hull):
-        return body.hull
-    signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1
-    return (body.boxes[:, None, 0] + signs * body.boxes[:, None, 1]).reshape(-1, 3)
 
 
 def _add_cage(
@@ -286,20 +278,17 @@ def _add_rigid(
         explicitinertial=True,
     )
     free.add_freejoint()
-    if len(body.hull):
-        mesh = spec.add_mesh(name=f"{name}_hull")
-        mesh.uservert = (body.hull / units.length).ravel()
-        free.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, **contact)
-        return [crowded]
+    for hull in body.hulls:
+        free.add_geom(**hull_geom(spec, hull / units.length), **contact)
     for middle, half in body.boxes / units.length:
         free.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=half, **contact)
-    return [crowded] * len(body.boxes)
+    return [crowded] * (len(body.hulls) + len(body.boxes))
 
 
 def _overlap(cages: Sequence[Cage], bodies: Sequence[RigidBody]) -> bool:
     """Whether any two bodies begin inside each other, by the boxes around them."""
     boxes = [(cage.grid.lower, cage.grid.sides * cage.grid.shape) for cage in cages]
-    boxes += [(body.centre + low, high - low) for body in bodies for low, high in [_bounds(_corners(body))]]
+    boxes += [(body.centre + low, high - low) for body in bodies for low, high in [_bounds(body.corners)]]
     for number, (lower, extent) in enumerate(boxes):
         for other, wide in boxes[:number]:
             common = np.minimum(lower + extent, other + wide) - np.maximum(lower, other)

@@ -22,6 +22,7 @@ from gasp_core.contract import (
     Precision,
     Quantity,
     Rigid,
+    SignedDistanceField,
     SphereShape,
     Wind,
 )
@@ -85,10 +86,11 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="mujoco-flex",
             summary="Finite elements and rigid bodies in MuJoCo: stiff matter and contact at large steps; CPU",
-            contract_version=(1, 1),
+            contract_version=(1, 2),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
-                collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+                collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
+                region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
                 contact_conditions=frozenset({ContactCondition.SEPARATE, ContactCondition.STICK}),
                 drives=frozenset({Pinned, Driven, Impulse}),
                 force_fields=frozenset({Wind}),

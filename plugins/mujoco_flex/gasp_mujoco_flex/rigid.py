@@ -9,16 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from gasp_core.contract import SignedDistanceField
+from gasp_core.stepping.convex_pieces import convex_pieces
 from gasp_core.stepping.embedding import CORNERS
 from gasp_core.stepping.voxel_cage import VoxelGrid
 from gasp_mujoco_flex.body_mass import Matter
 
-__all__ = ["RigidBody", "merged_boxes", "rigid_body"]
+__all__ = ["PIECES", "RigidBody", "merged_boxes", "rigid_body"]
 
 Array = NDArray[Any]
 
 _CONVEX = 0.8
 """Share of its hull that a body's matter fills, from which on the hull stands for it."""
+PIECES = 128
+"""Convex bodies that a body of known shape is made of, at most: statues then go beyond their surface by a voxel."""
+_NO_BOXES = np.zeros((0, 2, 3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,10 +38,12 @@ class RigidBody:
         About it.
     velocity, spin : (3,) [m/s], [rad/s]
         At the start: those of the rigid motion with the same momenta.
-    hull : (H, 3) [m]
-        Corners of its convex hull about the centre; none where boxes stand for it.
+    hulls : of (H, 3) [m]
+        Corners of the convex bodies that it is made of, about the centre; none where boxes stand for it.
     boxes : (B, 2, 3) [m]
-        Middle about the centre, and half sides, of boxes that fill it; none where it is as good as convex.
+        Middle about the centre, and half sides, of boxes that fill it; none where hulls do.
+    surface : (S, 3) [m]
+        Places on its surface about the centre, where that is known.
     matter
         What it is made of.
     arms : (G, 3) [m]
@@ -47,13 +54,21 @@ class RigidBody:
     inertia: Array
     velocity: Array
     spin: Array
-    hull: Array
+    hulls: tuple[Array, ...]
     boxes: Array
+    surface: Array
     matter: Matter
     arms: Array
 
+    @property
+    def corners(self) -> Array:
+        """Of its shapes, about its centre, (K, 3) [m]."""
+        signs = 2.0 * CORNERS - 1
+        of_boxes = (self.boxes[:, None, 0] + signs * self.boxes[:, None, 1]).reshape(-1, 3)
+        return np.concatenate([*self.hulls, of_boxes])
 
-def rigid_body(matter: Matter, grid: VoxelGrid, margin: float) -> RigidBody:
+
+def rigid_body(matter: Matter, grid: VoxelGrid, margin: float, shape: SignedDistanceField | None = None) -> RigidBody:
     """The rigid body of this matter.
 
     Parameters
@@ -61,7 +76,9 @@ def rigid_body(matter: Matter, grid: VoxelGrid, margin: float) -> RigidBody:
     matter
         Its points stand for what is within `margin` [m] of them along each axis.
     grid
-        Its cells are the body's shape where that is far from convex.
+        Its cells are the body's shape where that is far from convex, and not known.
+    shape
+        What it fills, where that is known.
     """
     centre = matter.centre
     arms = matter.positions - centre
@@ -74,24 +91,27 @@ def rigid_body(matter: Matter, grid: VoxelGrid, margin: float) -> RigidBody:
     # The spin of a cube about itself is not seen in its point's velocity: what the points show is kept.
     shown = np.trace(squares) * np.eye(3) - squares
     spin = np.linalg.lstsq(shown, turning, rcond=1e-9)[0]
-    hull, boxes = _shapes(matter, grid, margin, centre)
+    if shape is None:
+        hulls, boxes = _shapes(matter, grid, margin, centre)
+    else:
+        hulls, boxes = tuple(piece - centre for piece in convex_pieces(shape, PIECES)), _NO_BOXES
     return RigidBody(
         centre=centre,
         inertia=inertia,
         velocity=velocity,
         spin=spin,
-        hull=hull,
+        hulls=hulls,
         boxes=boxes,
+        surface=np.concatenate(hulls) if shape is not None else np.zeros((0, 3)),
         matter=matter,
         arms=np.ascontiguousarray(arms[: len(matter.rows)]),
     )
 
 
-def _shapes(matter: Matter, grid: VoxelGrid, margin: float, centre: Array) -> tuple[Array, Array]:
-    """Hull (H, 3) and boxes (B, 2, 3) about the centre; one of them is empty."""
+def _shapes(matter: Matter, grid: VoxelGrid, margin: float, centre: Array) -> tuple[tuple[Array, ...], Array]:
+    """A hull (H, 3) or boxes (B, 2, 3) about the centre."""
     occupied = np.zeros(grid.shape, dtype=bool)
     occupied[tuple(grid.locate(matter.positions)[0].T)] = True
-    none = np.zeros((0, 3)), np.zeros((0, 2, 3))
     try:
         hull = ConvexHull(matter.positions)
     except (QhullError, ValueError):
@@ -100,10 +120,10 @@ def _shapes(matter: Matter, grid: VoxelGrid, margin: float, centre: Array) -> tu
     if hull is not None and matter.volumes.sum() >= _CONVEX * hull.volume:
         signs = 2.0 * CORNERS - 1
         corners = (matter.positions[hull.vertices][:, None] + margin * signs).reshape(-1, 3)
-        return corners[ConvexHull(corners).vertices] - centre, none[1]
+        return (corners[ConvexHull(corners).vertices] - centre,), _NO_BOXES
     corners = merged_boxes(occupied)
     low, high = (grid.lower - centre + side * grid.sides for side in (corners[:, 0], corners[:, 1]))
-    return none[0], np.stack([(low + high) / 2, (high - low) / 2], axis=1)
+    return (), np.stack([(low + high) / 2, (high - low) / 2], axis=1)
 
 
 def merged_boxes(occupied: Array) -> Array:

@@ -164,7 +164,8 @@ class Motion:
             turn, centre = self._state.pose(number)
             shown = self._shown(number)
             if self._sticky:
-                self._stuck_bodies[number] |= sticking(self._problem.colliders, shown, self._room).any()
+                touching = np.concatenate([shown, centre + self._model.bodies[number].surface @ turn.T])
+                self._stuck_bodies[number] |= sticking(self._problem.colliders, touching, self._room).any()
             goal = (number, turn, centre, np.zeros(3), np.zeros(3)) if self._stuck_bodies[number] else None
             for grip in active:
                 if grip.holds(shown, self._room).any():
