@@ -176,7 +176,7 @@ def _terse(item: Material | Drive | ForceField | HalfSpace | BoxShape | SphereSh
             shown.append(_terse(value))
         elif isinstance(value, tuple):
             shown.append(f"{name}=({', '.join(f'{float(part):.3g}' for part in value)})")
-        elif value is not None:
+        elif value is not None and not isinstance(value, str):
             shown.append(f"{name}={float(value):.4g}")
     return f"{item.kind}({', '.join(shown)})"
 

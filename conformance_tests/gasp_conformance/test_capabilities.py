@@ -445,10 +445,9 @@ def test_signed_distance_field(subject: Subject, ledger: Ledger, side: Side) -> 
 
 
 @check("collider:signed distance field[slope]", Level.CAPABILITY)
-def test_signed_distance_field_as_a_slope(subject: Subject, ledger: Ledger) -> None:
+def test_signed_distance_field_as_a_slope(subject: Subject, ledger: Ledger, need: Need) -> None:
     """A block slides down a plane that is given as a field as down the plane itself: Coulomb's law."""
-    if ContactCondition.SEPARATE not in subject.descriptor.capabilities.contact_conditions:
-        pytest.skip("the engine knows no friction at colliders")
+    need(ContactCondition.SEPARATE in subject.descriptor.capabilities.contact_conditions, "friction at colliders")
     coulombs(ledger, "slope of a field", subject, field=True)
 
 

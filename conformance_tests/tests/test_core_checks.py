@@ -49,6 +49,7 @@ from gasp_core.contract import (
     PointState,
     Precision,
     Quantity,
+    SignedDistanceField,
     Snow,
     SphereShape,
     Status,
@@ -74,7 +75,7 @@ LITTLE = EngineCapabilities(
 )
 EVERYTHING = EngineCapabilities(
     materials=frozenset(MATERIALS.values()),
-    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
+    collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
     contact_conditions=frozenset(ContactCondition),
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
