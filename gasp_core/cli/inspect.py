@@ -160,7 +160,7 @@ def _of_solid(body: PlacedSolid, unit: str) -> tuple[dict[str, Any], str]:
     if volume > 0:
         inside = (
             f"{measured(volume, 3)} in {parts} part{'s' if parts > 1 else ''},"
-            f" give or take {100 * uncertainty / volume:.0f} %: solids of larger details have so much more or less"
+            f" give or take {100 * uncertainty / volume:.0f} %, as solids of larger details tell"
         )
     rows = {
         "inside": inside,

@@ -35,7 +35,7 @@ class SignedDistanceField:
         Kept in single precision; negative inside, > 0 on all outermost nodes. Near the surface they should be
         distances; farther off their sign and a slope of about one are enough.
     error
-        How far the surface is off, root mean square [m], as whoever made it knows; 0: nothing is said.
+        Within how much 95 % of the surface lie of where it should be [m], as whoever made it knows; 0: nothing is said.
 
     Raises
     ------

@@ -60,6 +60,8 @@ def read_mesh(path: Path) -> TriangleMesh:
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     loading: Any = trimesh
     try:
+        if path.exists() and not path.is_file():
+            raise SplatFormatError(f"{name}: is no ordinary file")
         if path.stat().st_size > _LONGEST:
             raise SplatFormatError(f"{name}: is longer than 1 GiB: decimate the mesh")
         with path.open("rb") as stream:

@@ -89,8 +89,8 @@ def column_digest(column: Column) -> str:
     """
     if isinstance(column, PlyProperty):
         return ""
-    digest = hashlib.sha256()
     if isinstance(column, GivenColumn):
+        digest = hashlib.sha256()
         digest.update(f"{column.values.dtype.str} {column.values.shape};".encode())
         digest.update(np.ascontiguousarray(column.values).tobytes())
         return digest.hexdigest()
@@ -98,11 +98,9 @@ def column_digest(column: Column) -> str:
         if column.exists() and not column.is_file():
             raise SceneError(f"{shown(column)}: is no ordinary file: give the numbers in a .npy")
         with column.open("rb") as stream:
-            while block := stream.read(2**20):
-                digest.update(block)
+            return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
         raise SceneError(f"{shown(column)}: cannot be read: {error.strerror or error}") from None
-    return digest.hexdigest()
 
 
 def read_column(column: Column, splat: Path | Gaussians, count: int, where: str) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +16,8 @@ from gasp_core.contract import Collider, SignedDistanceField
 from gasp_core.contract.validation import Vector, finite, finite_vector, positive
 from gasp_core.errors import SceneError
 from gasp_core.io import read_splat
+from gasp_core.io.digests import add_content
+from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import read_mesh
 from gasp_core.scene.objects import SplatObject, UpAxis, check_rotation
 from gasp_core.scene.placement import similarity
@@ -29,8 +32,10 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FileShape:
+class FileShape(ABC):
     """A region of space that a file describes; what it is, is looked up when a scene is prepared.
+
+    A kind of its own says how, in `resolve`.
 
     Parameters
     ----------
@@ -66,17 +71,17 @@ class FileShape:
         if self.rotation is not None:
             check_rotation(self)
 
+    @abstractmethod
     def resolve(self) -> SignedDistanceField:
         """The region as engines understand it."""
-        raise NotImplementedError
 
     def signed_distance(self, positions: Array) -> Array:
         """Of positions (N, 3) [m]."""
-        return _resolved(self).signed_distance(positions)
+        return _field_of(self).signed_distance(positions)
 
     def outward_normal(self, positions: Array) -> Array:
         """At positions (N, 3) [m]."""
-        return _resolved(self).outward_normal(positions)
+        return _field_of(self).outward_normal(positions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,30 +152,30 @@ class MeshShape(FileShape):
         return field_of_mesh(vertices, mesh.faces, self.cells, thickness=self.thickness, name=self.file.name)
 
 
-@functools.lru_cache(maxsize=16)
-def _resolved(shape: FileShape) -> SignedDistanceField:
-    found = digest_of(shape.file)
+def _field_of(shape: FileShape) -> SignedDistanceField:
+    """The region of a file as it is now."""
+    found = _digest_of(shape.file)
     if shape.sha256 not in ("", found):
         raise SceneError(
-            f"{shape.file}: is not the file that the collider was made of (its sha256 is {found[:12]}...,"
+            f"{shown(shape.file)}: is not the file that the collider was made of (its sha256 is {found[:12]}...,"
             f" not {shape.sha256[:12]}...): put that back, or leave sha256 out"
         )
+    return _resolved(dataclasses.replace(shape, sha256=found))
+
+
+@functools.lru_cache(maxsize=16)
+def _resolved(shape: FileShape) -> SignedDistanceField:
+    """Once for each content: a file that has changed has another."""
     return shape.resolve()
 
 
-def digest_of(file: Path) -> str:
+def _digest_of(file: Path) -> str:
     """SHA-256 of a file's content, of a folder's files with their names."""
     digest = hashlib.sha256()
-    for one in sorted(file.rglob("*")) if file.is_dir() else [file]:
-        if one.is_file():
-            if file.is_dir():
-                digest.update(one.name.encode())
-            try:
-                with one.open("rb") as stream:
-                    while block := stream.read(2**20):
-                        digest.update(block)
-            except OSError as error:
-                raise SceneError(f"{one}: cannot be read: {error.strerror or error}") from None
+    try:
+        add_content(digest, file, named=False)
+    except OSError as error:
+        raise SceneError(f"{shown(file)}: cannot be read: {error.strerror or error}") from None
     return digest.hexdigest()
 
 
@@ -178,7 +183,7 @@ def resolved(collider: Collider) -> Collider:
     """A collider as engines understand it: that of a file as the region which the file describes."""
     if not isinstance(collider.shape, FileShape):
         return collider
-    return dataclasses.replace(collider, shape=_resolved(collider.shape))
+    return dataclasses.replace(collider, shape=_field_of(collider.shape))
 
 
 def known_by_content(collider: Collider) -> Collider:
@@ -186,4 +191,4 @@ def known_by_content(collider: Collider) -> Collider:
     shape = collider.shape
     if not isinstance(shape, FileShape) or shape.sha256:
         return collider
-    return dataclasses.replace(collider, shape=dataclasses.replace(shape, sha256=digest_of(shape.file)))
+    return dataclasses.replace(collider, shape=dataclasses.replace(shape, sha256=_digest_of(shape.file)))

@@ -66,7 +66,7 @@ def header_of(
     return Header(
         gasp_version=distribution_version("gasp-core"),
         scene=scene_to_toml(told, path.absolute().parent),
-        scene_digest=scene_digest(scene, prepared.digests),
+        scene_digest=scene_digest(told, prepared.digests),
         points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
         frame_rate=scene.frame_rate,
         spacing=assembly.spacing,

@@ -16,6 +16,7 @@ from gasp_core.dynamics.frame_sequence import frame_files
 from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
+from gasp_core.io.digests import add_content
 from gasp_core.reduction.assembly import Assembly, assemble
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.columns import column_digest
@@ -100,13 +101,7 @@ def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
     first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
     gaussians = read_splat(first)
     digest = hashlib.sha256()
-    files = sorted(item.splat.rglob("*")) if item.splat.is_dir() else [item.splat]
-    for file in files:
-        if file.is_file():
-            digest.update(file.name.encode())
-            with file.open("rb") as stream:
-                while block := stream.read(2**20):
-                    digest.update(block)
+    add_content(digest, item.splat)
     return gaussians, digest.hexdigest()
 
 

@@ -1,5 +1,7 @@
 """Meshes of four formats, whole and damaged."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -72,3 +74,9 @@ def test_other_files_are_no_meshes(tmp_path):
         read_mesh(tmp_path / "mesh.blend")
     with pytest.raises(SplatFormatError, match="cannot be read"):
         read_mesh(tmp_path / "gone.obj")
+
+
+def test_what_has_no_end_is_no_mesh(tmp_path):
+    os.mkfifo(tmp_path / "endless.obj")
+    with pytest.raises(SplatFormatError, match="is no ordinary file"):
+        read_mesh(tmp_path / "endless.obj")

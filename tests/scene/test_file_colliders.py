@@ -117,6 +117,14 @@ def test_colliders_are_known_by_their_content(folder):
         resolved(told.colliders[0])
 
 
+def test_a_file_that_changes_is_another_collider(folder):
+    table = Collider(shape=MeshShape(file=folder / "block.stl", cells=16))
+    before = resolved(table).shape
+    assert resolved(table).shape is before
+    trimesh.creation.box(extents=(2, 4, 7)).export(folder / "block.stl")
+    assert resolved(table).shape != before
+
+
 @pytest.mark.parametrize(
     ("value", "expected"),
     [

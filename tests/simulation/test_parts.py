@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from installed_engines import ready
 
 from gasp_core import (
     BoxShape,
@@ -24,7 +25,6 @@ from gasp_core import (
     simulate,
 )
 from gasp_core.discovery.registry import discover
-from gasp_core.discovery.status import engine_rows
 from gasp_core.errors import RecordingError, UnsupportedSceneError
 from gasp_core.scene.loading import read_scene
 from gasp_core.scene.selection import place_object
@@ -35,12 +35,6 @@ DENSITY, GRAVITY = 1000.0, 9.81
 CELL = 0.05
 GRIP = 0.2
 """Of the bar, that is held above its free metre."""
-
-
-def ready(name):
-    rows = {row.name: row.status for row in engine_rows(discover())}
-    if rows.get(name) != "ready":
-        pytest.skip(f"{name} is not installed, or not ready ({rows.get(name)})")
 
 
 def bar():

@@ -8,6 +8,7 @@ import re
 import flying_points
 import numpy as np
 import pytest
+from installed_engines import ready
 
 from gasp_core import (
     Collider,
@@ -30,7 +31,6 @@ from gasp_core import (
 )
 from gasp_core.contract import PointCloud, PointProblem
 from gasp_core.discovery.registry import discover
-from gasp_core.discovery.status import engine_rows
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 from gasp_core.simulation.estimate import estimate_run
 from gasp_core.simulation.stiff_matter import refuse_too_stiff
@@ -203,11 +203,6 @@ def test_exactly_the_limit_is_accepted():
 
 
 # --- through whole runs -----------------------------------------------------------------------------------------------
-
-
-def ready(name):
-    if {row.name: row.status for row in engine_rows(discover())}.get(name) != "ready":
-        pytest.skip(f"{name} is not installed, or not ready")
 
 
 @pytest.fixture

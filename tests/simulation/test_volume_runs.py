@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from installed_engines import ready
 from scipy.spatial import KDTree
 from splat_shells import SHAPES, shell
 
@@ -31,8 +32,6 @@ from gasp_core import (
     Wind,
     simulate,
 )
-from gasp_core.discovery.registry import discover
-from gasp_core.discovery.status import engine_rows
 
 JELLY = Elastic(density=400, youngs_modulus=4e4, poissons_ratio=0.3)
 SOLID = {"density": 400, "youngs_modulus": 4e4, "poissons_ratio": 0.3}
@@ -48,12 +47,6 @@ MATERIALS = {
 }
 SIZE = 0.3
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)), friction=0.4)
-
-
-def ready(name):
-    rows = {row.name: row.status for row in engine_rows(discover())}
-    if rows.get(name) != "ready":
-        pytest.skip(f"{name} is not installed, or not ready ({rows.get(name)})")
 
 
 @pytest.fixture(scope="module")

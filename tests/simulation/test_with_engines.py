@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from installed_engines import ready
 
 from gasp_core import Collider, Elastic, EngineAccuracy, EngineChoice, HalfSpace, RecordingChoice, Scene, SplatObject
 from gasp_core import simulate as run_scene
 from gasp_core.contract import Determinism
 from gasp_core.discovery.registry import discover
-from gasp_core.discovery.status import engine_rows
-
-
-def _ready(name):
-    rows = {row.name: row.status for row in engine_rows(discover())}
-    if rows.get(name) != "ready":
-        pytest.skip(f"{name} is not installed, or not ready ({rows.get(name)})")
 
 
 @pytest.fixture
@@ -45,7 +39,7 @@ def drop(cloud):
 
 @pytest.mark.parametrize("engine", ["reference-mpm", "taichi-mpm", "warp-mpm"])
 def test_a_toy_falls_and_a_stopped_run_goes_on_to_the_same(engine, drop, tmp_path):
-    _ready(engine)
+    ready(engine)
     whole = run_scene(drop(engine), out=tmp_path / "whole.gasp")
     assert (whole.status, whole.frame_count) == ("complete", 7)
     spacing = whole.header.spacing

@@ -236,9 +236,10 @@ def test_drives_have_fields_for_regions(block, opened):
 
 @pytest.mark.thorough
 def test_a_real_statue_rests_on_its_surface():
-    data = Path(os.environ.get("GASP_DATA", "../shared/data")) / "splats" / "statue-angel.sog"
-    if not data.exists():
-        pytest.skip("no captures here: set GASP_DATA")
+    folder = Path(os.environ.get("GASP_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real splats at {folder} (set GASP_DATA)")
+    data = folder / "splats" / "statue-angel.sog"
     statue = gasp.SplatObject(name="statue", splat=data, height=0.4, position=(0, 0, 0.05), material=RIGID)
     assembly = prepare(gasp.Scene(duration=1.0, frame_rate=25, objects=(statue,), colliders=(FLOOR,))).assembly
     field = body_shapes(assembly.problem)[0]
