@@ -31,8 +31,9 @@ SIZE = 0.3
 """Of what falls [m]; what it falls on is as large."""
 CELLS = 8
 STIFF = Elastic(density=400, youngs_modulus=2e5, poissons_ratio=0.3)
-SLOW = ("reference-mpm",)
-"""Minutes; that it agrees with the others among such colliders, their own tests show."""
+SLOW = ("reference-mpm", "mujoco-flex")
+"""Minutes. That the first agrees with the others among such colliders, their own tests show; that the second's bodies
+rest on them, plugins/mujoco_flex/tests/test_known_shapes.py does."""
 ENGINES = [
     pytest.param(row.name, marks=pytest.mark.slow if row.name in SLOW else ())
     for row in engine_rows(discover())
