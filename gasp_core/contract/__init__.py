@@ -14,6 +14,7 @@ from gasp_core.contract.descriptor import CONTRACT_VERSION, EngineCapabilities, 
 from gasp_core.contract.distance_field import SignedDistanceField
 from gasp_core.contract.fields import Determinism, Field, Precision, Quantity, device_class, device_index
 from gasp_core.contract.forcing import (
+    BodyContact,
     Collider,
     ContactCondition,
     Domain,
@@ -45,6 +46,7 @@ from gasp_core.contract.report import Status, StepReport
 from gasp_core.contract.shapes import SHAPES, BoxShape, HalfSpace, Shape, SphereShape, Vector
 
 __all__ = [
+    "BodyContact",
     "BoxShape",
     "CONTRACT_VERSION",
     "Collider",

@@ -12,6 +12,7 @@ from gasp_core.contract.validation import finite, finite_vector
 from gasp_core.errors import SceneError
 
 __all__ = [
+    "BodyContact",
     "Collider",
     "ContactCondition",
     "Domain",
@@ -83,6 +84,31 @@ class Collider:
 
     def __post_init__(self) -> None:
         check_friction(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyContact:
+    """What happens where two bodies touch.
+
+    Parameters
+    ----------
+    condition
+        `ContactCondition.STICK`: they have one velocity. `SLIP`: one along the normal, each its own across it.
+        `SEPARATE`: neither moves into the other, both are free to leave, Coulomb friction across the normal.
+    friction
+        Coulomb's coefficient, >= 0; only `ContactCondition.SEPARATE` may have one > 0.
+    """
+
+    condition: ContactCondition = ContactCondition.SEPARATE
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite(self, "friction", low=0.0)
+        if self.friction > 0 and self.condition is not ContactCondition.SEPARATE:
+            raise SceneError(
+                f'BodyContact.friction {self.friction:g} has no meaning with "{self.condition.value}":'
+                ' use "separate", or friction 0'
+            )
 
 
 def check_friction(owner: Any) -> None:

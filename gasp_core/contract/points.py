@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract.forcing import Collider, Domain, Drive, ForceField
+from gasp_core.contract.forcing import BodyContact, Collider, Domain, Drive, ForceField
 from gasp_core.contract.materials import Material
 from gasp_core.contract.validation import finite_vector, frozen_array
 from gasp_core.errors import SceneError
@@ -97,6 +97,10 @@ class PointProblem:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
     """None: no edge, as with `DomainPolicy.EXPAND`."""
+    body_contact: BodyContact = BodyContact()
+    """How bodies meet that have no contact of their own in `pair_contacts`."""
+    pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
+    """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""
     hints: tuple[object, ...] = ()
     """What some engines can make use of and none has to: instances of classes that are no part of this contract, e.g.
     `gasp_core.stepping.grid.GridAnchor`. They decide nothing about the scene."""
@@ -111,6 +115,10 @@ class PointProblem:
             )
         for name, column in self.points.material_columns.items():
             _check_column(name, column, ids, self.materials)
+
+    def contact_between(self, first: int, second: int) -> BodyContact:
+        """How two bodies meet, by their numbers in either order."""
+        return self.pair_contacts.get((min(first, second), max(first, second)), self.body_contact)
 
     @property
     def masses(self) -> Array:

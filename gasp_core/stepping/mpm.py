@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Elastic, Foam, Material, Metal, NeoHookean, Plasticine
 
-__all__ = ["FULL_PRESENCE", "GRADIENT_SHARE", "averaged_lame", "presence"]
+__all__ = [
+    "BETTER_GAP",
+    "FOREMOST",
+    "FULL_PRESENCE",
+    "GRADIENT_SHARE",
+    "HELD_TOGETHER",
+    "TURNS",
+    "averaged_lame",
+    "presence",
+]
 
 GRADIENT_SHARE = 0.25
 """How much of the kernel by which stress acts is the spline's own gradient; the rest is moving least squares.
@@ -76,3 +85,20 @@ def presence(masses: NDArray[Any], point_mass: float) -> NDArray[Any]:
     their mass falls. Inside matter every h_i is 1, and affine velocity fields are exact.
     """
     return np.minimum(masses / (FULL_PRESENCE * point_mass), 1.0)
+
+
+HELD_TOGETHER = 0.5
+"""In cells: bodies that are nearer than this count as touching where contact holds them together, "stick" and "slip".
+
+Where contact only keeps them apart nothing is counted: an open gap may close, and not more."""
+
+TURNS = 2
+"""How often a normal between two bodies is turned towards the direction along which they are farthest apart."""
+
+FOREMOST = 20.0
+"""Per cell: of a body's points those count as foremost that lie within a few times 1/20 of a cell of the first one.
+
+More than one, since those of a lattice come in rows, and which of a row is first is a matter of rounding."""
+
+BETTER_GAP = 1e-4
+"""In cells: a direction is preferred to one that was tried before if the gap along it is larger by so much."""

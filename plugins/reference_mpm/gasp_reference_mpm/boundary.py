@@ -47,12 +47,19 @@ def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time
     return velocities
 
 
-def driven(velocities: Array, positions: Array, drives: Sequence[Drive], time: float, spacing: float) -> Array:
-    """Prescribed velocity in the regions of drives that are active; the regions have moved with their drive."""
+def driven(
+    velocities: Array, positions: Array, drives: Sequence[Drive], time: float, spacing: float
+) -> tuple[Array, Array]:
+    """Prescribed velocity in the regions of drives that are active, and a mask (G,) of the nodes that have it.
+
+    The regions have moved with their drive.
+    """
+    held = np.zeros(len(positions), dtype=np.bool_)
     for drive in drives_at(drives, time):
         inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= TOUCH * spacing
         velocities = np.where(inside[:, None], prescribed_velocities(drive, time, positions), velocities)
-    return velocities
+        held |= inside
+    return velocities, held
 
 
 def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:

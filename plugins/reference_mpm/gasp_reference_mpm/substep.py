@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, PointProblem
+from gasp_reference_mpm.bodies import met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
@@ -29,14 +30,16 @@ def substep(
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
     (symplectic Euler).
     """
-    stencil = stencil_around(motion.positions, spacing)
+    stencil = stencil_around(motion.positions, spacing, problem.points.body_ids)
     tensions = (step * matter.volumes)[:, None, None] * kirchhoff_stress(matter, motion, stencil)
     grid = scatter(stencil, spacing, matter.masses, motion.velocities, motion.affine_velocities, tensions)
 
     velocities = grid.momentum / grid.mass[:, None] + step * np.asarray(problem.gravity)
     places = grid.positions + origin
     velocities = blown(velocities, places, problem.force_fields, time, step)
-    velocities = driven(velocities, places, problem.drives, time, spacing)
+    velocities, held = driven(velocities, places, problem.drives, time, spacing)
+    reaches = 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations
+    velocities = met(problem, stencil, grid, velocities, held, reaches, spacing, step)
     velocities = collided(velocities, places, problem.colliders, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         kept = kept_inside(velocities, places, problem.domain, spacing)
@@ -66,7 +69,7 @@ def substep(
     return moved, held_back
 
 
-def seeded_affine_velocities(positions: Array, spacing: float, masses: Array, velocities: Array) -> Array:
+def seeded_affine_velocities(positions: Array, spacing: float, bodies: Array, masses: Array, velocities: Array) -> Array:
     """The affine velocities C (N, 3, 3) [1/s] that belong to a field of initial velocities (N, 3) [m/s].
 
     A cloud that starts with C = 0 loses spin to C in its first steps: of the angular momentum of a block of side a,
@@ -74,7 +77,7 @@ def seeded_affine_velocities(positions: Array, spacing: float, masses: Array, ve
     each time with the last answer. An affine field's own gradient is what the transfers reproduce, and inside the
     cloud the first answer has it; near a free surface the error shrinks by 0.6 a pass.
     """
-    stencil = stencil_around(positions, spacing)
+    stencil = stencil_around(positions, spacing, bodies)
     found = at_rest = np.zeros((len(positions), 3, 3))
     for _ in range(_SEEDING_PASSES):
         grid = scatter(stencil, spacing, masses, velocities, found, at_rest)

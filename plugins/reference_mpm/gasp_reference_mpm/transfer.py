@@ -19,6 +19,7 @@ from gasp_core.stepping.mpm import GRADIENT_SHARE, presence
 
 __all__ = [
     "GridMomentum",
+    "NodeFields",
     "Stencil",
     "carried",
     "gather",
@@ -35,31 +36,78 @@ _NEIGHBOURS = np.array(list(itertools.product(range(3), repeat=3)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NodeFields:
+    """Nodes of B bodies, each of which has a velocity field of its own: a box of nodes around each of them.
+
+    The boxes lie one behind the other, and each has a layer more than its body speaks to, so that every node that has
+    mass has its neighbours along the axes too.
+
+    Parameters
+    ----------
+    corners : (B, 3)
+        Whole-number coordinates of each box's lowest node, in cells.
+    shapes : (B, 3)
+        Number of nodes of each box along each axis.
+    starts : (B + 1,)
+        Flat index of each box's lowest node, and the number of nodes.
+    """
+
+    corners: Array
+    shapes: Array
+    starts: Array
+
+    @property
+    def size(self) -> int:
+        """Number of nodes of all boxes."""
+        return int(self.starts[-1])
+
+    @property
+    def strides(self) -> Array:
+        """(B, 3): how far a node's neighbours along the axes are from it in flat indices."""
+        return np.stack(
+            [self.shapes[:, 1] * self.shapes[:, 2], self.shapes[:, 2], np.ones_like(self.shapes[:, 2])], axis=1
+        )
+
+    def flat(self, bodies: Array, coordinates: Array) -> Array:
+        """Flat indices (...) of nodes at whole-number coordinates (..., 3) in the fields of bodies (...)."""
+        return self.starts[bodies] + np.sum((coordinates - self.corners[bodies]) * self.strides[bodies], axis=-1)
+
+    def bodies_of(self, nodes: Array) -> Array:
+        """Whose the nodes (G,) are, (G,)."""
+        return np.searchsorted(self.starts, nodes, side="right") - 1
+
+    def coordinates(self, nodes: Array) -> Array:
+        """Whole-number coordinates (G, 3) of nodes (G,), in cells."""
+        bodies = self.bodies_of(nodes)
+        strides, rest = self.strides[bodies], nodes - self.starts[bodies]
+        i, rest = np.divmod(rest, strides[:, 0])
+        j, k = np.divmod(rest, strides[:, 1])
+        return np.stack([i, j, k], axis=1) + self.corners[bodies]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stencil:
     """The nodes each point speaks to.
 
     Parameters
     ----------
     nodes : (N, 27)
-        Flat index of each node in the box of nodes around the cloud.
+        Flat index of each node in the field of the point's body.
     weights : (N, 27)
         B-spline values; each row sums to one.
     arms : (N, 27, 3) [m]
         From point to node; each row's weighted sum is zero.
     gradients : (N, 27, 3) [1/m]
         The kernel by which stress acts; each row sums to zero, and to the identity with the arms.
-    corner : (3,)
-        Whole-number coordinates of the box's lowest node, in cells.
-    shape
-        Number of nodes of the box along each axis.
+    fields
+        Where the nodes lie.
     """
 
     nodes: Array
     weights: Array
     arms: Array
     gradients: Array
-    corner: Array
-    shape: tuple[int, int, int]
+    fields: NodeFields
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,18 +150,32 @@ def _products(along: Array) -> Array:
     return along[:, i, 0] * along[:, j, 1] * along[:, k, 2]
 
 
-def stencil_around(positions: Array, spacing: float) -> Stencil:
-    """Nodes, weights and arms of points at `positions` (N, 3) [m], nodes being the multiples of `spacing` [m]."""
+def _fields_around(base: Array, bodies: Array) -> NodeFields:
+    """Of points whose lowest nodes are at `base` (N, 3), in cells, and which are of bodies (N,)."""
+    count = int(bodies.max()) + 1
+    lowest = np.zeros((count, 3), dtype=np.int64)
+    shapes = np.zeros((count, 3), dtype=np.int64)
+    for body in range(count):
+        own = base[bodies == body] if count > 1 else base
+        if len(own):
+            lowest[body] = own.min(axis=0) - 1
+            shapes[body] = own.max(axis=0) - lowest[body] + 4
+    return NodeFields(corners=lowest, shapes=shapes, starts=np.concatenate([[0], np.cumsum(shapes.prod(axis=1))]))
+
+
+def stencil_around(positions: Array, spacing: float, bodies: Array) -> Stencil:
+    """Nodes, weights and arms of points at `positions` (N, 3) [m], nodes being the multiples of `spacing` [m].
+
+    `bodies` (N,) says whose field each point speaks to: 0, 1, 2, ...
+    """
     base, offset, along = _splines(positions / spacing)
     arms = np.arange(3)[:, None] - offset[:, None, :]
     slopes = np.stack([offset - 1.5, 2 - 2 * offset, offset - 0.5], axis=1)
     pull = ((1 - GRADIENT_SHARE) * 4 * along * arms + GRADIENT_SHARE * slopes) / spacing
-    corner = base.min(axis=0)
-    shape = tuple(int(length) for length in base.max(axis=0) - corner + 3)
-    node = (base - corner)[:, None, :] + _NEIGHBOURS
+    fields = _fields_around(base, bodies)
     i, j, k = _NEIGHBOURS.T
     return Stencil(
-        nodes=(node[..., 0] * shape[1] + node[..., 1]) * shape[2] + node[..., 2],
+        nodes=fields.flat(bodies, base)[:, None] + fields.strides[bodies] @ _NEIGHBOURS.T,
         weights=_products(along),
         arms=(_NEIGHBOURS - offset[:, None, :]) * spacing,
         gradients=np.stack(
@@ -124,8 +186,7 @@ def stencil_around(positions: Array, spacing: float) -> Stencil:
             ],
             axis=-1,
         ),
-        corner=corner,
-        shape=(shape[0], shape[1], shape[2]),
+        fields=fields,
     )
 
 
@@ -143,7 +204,7 @@ def scatter(
     tensions : (N, 3, 3) [N m s]
         T = dt V0 tau, what a point's stress gives in a step.
     """
-    size = int(np.prod(stencil.shape))
+    size = stencil.fields.size
     rows = stencil.nodes.ravel()
     mass = np.bincount(rows, (stencil.weights * masses[:, None]).ravel(), size)
     nodes = np.flatnonzero(mass)
@@ -151,12 +212,11 @@ def scatter(
     given *= (masses[:, None] * stencil.weights)[..., None]
     given -= stencil.gradients @ tensions.transpose(0, 2, 1)
     momentum = np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
-    index = np.stack(np.unravel_index(nodes, stencil.shape), axis=1) + stencil.corner
     return GridMomentum(
         nodes=nodes,
         mass=mass[nodes],
         momentum=momentum,
-        positions=index * spacing,
+        positions=stencil.fields.coordinates(nodes) * spacing,
         presence=presence(mass[nodes], float(masses.mean())),
     )
 
@@ -174,7 +234,7 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     -------
     velocities (N, 3) [m/s], affine velocities C (N, 3, 3) [1/s], velocity gradients L (N, 3, 3) [1/s].
     """
-    place = np.zeros(int(np.prod(stencil.shape)), dtype=np.int64)
+    place = np.zeros(stencil.fields.size, dtype=np.int64)
     place[nodes] = np.arange(len(nodes))
     around = grid_velocities[place[stencil.nodes]]
     weighted = stencil.weights[..., None] * around
@@ -185,8 +245,8 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
 def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocities: Array, places: Array) -> Array:
     """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
 
-    The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for
-    (`gasp_core.stepping.mpm.presence`); where there is none, zero.
+    The mean over the nodes of all bodies around each, weighted by the B-splines and by how much matter a node stands
+    for (`gasp_core.stepping.mpm.presence`); where there is none, zero.
 
     Parameters
     ----------
@@ -196,28 +256,31 @@ def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocitie
         What the points gave to them.
     grid_velocities : (G, 3) [m/s]
     """
-    box = np.array(stencil.shape)
-    # What is too far away to be counted in cells is as far as anything outside the box.
-    base, _, along = _splines(np.clip(places / spacing, stencil.corner - 9.0, stencil.corner + box + 9.0))
-    node = (base - stencil.corner)[:, None, :] + _NEIGHBOURS
-    within: Array = np.all((node >= 0) & (node < box), axis=2)
-    node = np.where(within[..., None], node, 0)
-    size = int(np.prod(box))
-    place = np.zeros(size, dtype=np.int64)
+    fields = stencil.fields
+    # What is too far away to be counted in cells is as far as anything outside the boxes.
+    lowest, highest = fields.corners.min(axis=0), (fields.corners + fields.shapes).max(axis=0)
+    base, _, along = _splines(np.clip(places / spacing, lowest - 9.0, highest + 9.0))
+    node, products = base[:, None, :] + _NEIGHBOURS, _products(along)
+    place = np.zeros(fields.size, dtype=np.int64)
     place[grid.nodes] = np.arange(len(grid.nodes))
-    present = np.zeros(size)
+    present = np.zeros(fields.size)
     present[grid.nodes] = grid.presence
-    flat = (node[..., 0] * box[1] + node[..., 1]) * box[2] + node[..., 2]
-    weights = np.where(within, _products(along) * present[flat], 0.0)
-    total = weights.sum(axis=1)
-    sums = (weights[:, None, :] @ grid_velocities[place[flat]])[:, 0]
+    total, sums = np.zeros(len(places)), np.zeros((len(places), 3))
+    for body, (corner, shape) in enumerate(zip(fields.corners, fields.shapes)):
+        within: Array = np.all((node >= corner) & (node < corner + shape), axis=2)
+        if not within.any():
+            continue
+        flat = fields.flat(np.array(body), np.where(within[..., None], node, corner))
+        weights = np.where(within, products * present[flat], 0.0)
+        total += weights.sum(axis=1)
+        sums += (weights[:, None, :] @ grid_velocities[place[flat]])[:, 0]
     return sums / np.where(total > 0, total, 1.0)[:, None]
 
 
 def local_means(stencil: Stencil, rows: Array, volumes: Array, values: Array) -> Array:
     """Means (K,) of values (K,) over the nodes around the points `rows` (K,), which weigh by volumes (K,) [m^3]."""
     nodes, weights = stencil.nodes[rows], stencil.weights[rows]
-    size = int(np.prod(stencil.shape))
+    size = stencil.fields.size
     shares = weights * volumes[:, None]
     total = np.bincount(nodes.ravel(), (shares * values[:, None]).ravel(), size)
     volume = np.bincount(nodes.ravel(), shares.ravel(), size)
@@ -228,6 +291,6 @@ def local_means(stencil: Stencil, rows: Array, volumes: Array, values: Array) ->
 
 def reaching(stencil: Stencil, nodes: Array) -> Array:
     """Mask (N,) of the points that speak to any of these nodes, flat indices (K,)."""
-    marked = np.zeros(int(np.prod(stencil.shape)), dtype=np.bool_)
+    marked = np.zeros(stencil.fields.size, dtype=np.bool_)
     marked[nodes] = True
     return np.any(marked[stencil.nodes] & (stencil.weights > 0), axis=1)
