@@ -22,6 +22,7 @@ __all__ = [
     "GRADIENT_SHARE",
     "HELD_TOGETHER",
     "TURNS",
+    "TURN_BELOW",
     "averaged_lame",
     "presence",
 ]
@@ -94,6 +95,9 @@ Where contact only keeps them apart nothing is counted: an open gap may close, a
 
 TURNS = 2
 """How often a normal between two bodies is turned towards the direction along which they are farthest apart."""
+
+TURN_BELOW = 0.02
+"""In cells: a normal along which bodies overlap by less is good enough; it is off by a degree at most."""
 
 FOREMOST = 20.0
 """Per cell: of a body's points those count as foremost that lie within a few times 1/20 of a cell of the first one.

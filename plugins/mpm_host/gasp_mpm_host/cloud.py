@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
 from gasp_core.errors import SceneError
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.mpm import averaged_lame
+from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import CellTables, arrange
-from gasp_mpm_host.rows import DAMAGED, Rows
+from gasp_mpm_host.bodies import Meetings, bodies_of_columns, meetings, stands_for
+from gasp_mpm_host.cells import BLOCK, CellTables, arrange, cell_keys
+from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
@@ -63,6 +66,10 @@ class SortedCloud(ABC):
         self._fluids = np.array([material.kind == "fluid" for material in materials])
         self._traced = 0 if points.tracer_positions is None else len(points.tracer_positions)
         self._capacity = 0
+        self._problem = problem
+        self._bodies = points.body_ids
+        self._tracer_bodies = tracer_bodies(points)
+        self._stands = np.zeros((int(points.body_ids.max()) + 1, 3), dtype=np.int64)
 
     def _begin(self, problem: PointProblem, restart: Mapping[str, Array] | None, engine: str) -> None:
         """Fill the memory with the problem at rest, or with what `checkpoint` gave.
@@ -80,6 +87,9 @@ class SortedCloud(ABC):
         else:
             rows = Rows.restored(restart, problem.points.material_ids, self._host_real, engine)
             tracers = TracerRows.restored(restart, self._traced, engine)
+            self._stands = self._kept_stands(restart, engine)
+            rows = standing(rows, self._stands[self._bodies[rows.ids]])
+            tracers = tracers.standing(self._stands[self._tracer_bodies[tracers.ids]])
         self._load(rows)
         self._load_tracers(tracers)
         self._ids, self._tracer_ids = rows.ids, tracers.ids
@@ -87,10 +97,19 @@ class SortedCloud(ABC):
             self.sort()
             self._seed()
         else:
-            found = self._tabulate(rows.labels[:, at.HOME : at.HOME + 3])
+            homes = rows.labels[:, at.HOME : at.HOME + 3]
+            found = self._tabulate(homes)
             if not np.array_equal(found.order, np.arange(self._count)):
                 raise SceneError(f"{engine}: the checkpoint's points are not in the order of their cells: {DAMAGED}")
-            self._wake(tracers, found)
+            self._wake(tracers, found, homes)
+
+    def _kept_stands(self, restart: Mapping[str, Array], engine: str) -> Array:
+        """The bodies' stands as `checkpoint` kept them; refused where no run has written them."""
+        kept = checkpoint_arrays(restart, {"stands": self._stands.shape}, engine)["stands"]
+        whole = np.rint(np.nan_to_num(kept)).astype(np.int64) if np.abs(kept).max() < _CELL_LIMIT else None
+        if whole is None or (whole != kept).any() or (whole % (2 * BLOCK)).any():
+            raise SceneError(f"{engine}: the checkpoint's bodies stand between the cells of the grid: {DAMAGED}")
+        return whole
 
     # ---- what a backend does ----------------------------------------------------------------------------------------
 
@@ -119,6 +138,10 @@ class SortedCloud(ABC):
         """The tracers as they are."""
 
     @abstractmethod
+    def _place(self, cells: Array) -> None:
+        """Put the points at `cells` (N, 3) float64, in their present order."""
+
+    @abstractmethod
     def _settle(self) -> None:
         """Give every point the cell it is in for its home."""
 
@@ -127,16 +150,16 @@ class SortedCloud(ABC):
         """Put the points into the order of the rows `order` (N,) int32."""
 
     @abstractmethod
-    def _set_grid(self, found: CellTables) -> None:
-        """From now on the grid and its tiles are these."""
+    def _set_grid(self, found: CellTables, stands: Array) -> None:
+        """From now on the grid and its tiles are these, `stands` (X, 3) int32 being those of its columns of blocks."""
 
     @abstractmethod
     def _make_room(self, nodes: int) -> None:
         """Replace the memory of the grid by one of so many nodes, its content undefined."""
 
     @abstractmethod
-    def _set_active(self, woken: TracerTables, found: CellTables) -> None:
-        """From now on these blocks are active and these tracers awake, on the grid of `found`."""
+    def _set_active(self, woken: TracerTables, found: CellTables, met: Meetings) -> None:
+        """From now on these blocks are active, these tracers awake and these bodies near, on the grid of `found`."""
 
     @abstractmethod
     def _seed(self) -> None:
@@ -159,15 +182,35 @@ class SortedCloud(ABC):
         if not float(np.abs(self._cell_rows()).max()) < _CELL_LIMIT:
             raise FarAwayError
         self._settle()
-        found = self._tabulate(self._label_rows()[:, at.HOME : at.HOME + 3])
+        tracers = self._tracer_rows()
+        change = self._put_apart()
+        if change.any():
+            self._place(self._cell_rows() + change[self._bodies[self._ids]])
+            self._settle()
+            tracers = tracers.standing(change[self._tracer_bodies[tracers.ids]])
+        homes = self._label_rows()[:, at.HOME : at.HOME + 3]
+        found = self._tabulate(homes)
+        homes = homes[found.order]
         self._permute(found.order)
         self._ids = self._ids[found.order]
-        self._wake(self._tracer_rows().settled(), found)
+        self._wake(tracers.settled(), found, homes)
+
+    def _put_apart(self) -> Array:
+        """By how much the bodies' stands (B, 3) have to change so that none is in another's way, and did."""
+        bodies = self._bodies[self._ids]
+        margin = TRACER_MARGIN if self._traced else 0
+        homes = self._label_rows()[:, at.HOME : at.HOME + 3] - self._stands[bodies]
+        found = stands_for(homes, bodies, self._stands, margin)
+        change = found - self._stands
+        self._stands = found
+        return change
 
     def _tabulate(self, home: Array) -> CellTables:
         """Fit the grid and the tiles to the points' homes."""
-        found = arrange(home, _NODE_LIMIT, TRACER_MARGIN if self._traced else 0)
-        self._set_grid(found)
+        margin = TRACER_MARGIN if self._traced else 0
+        found = arrange(home, _NODE_LIMIT, margin)
+        self._columns = bodies_of_columns(home, self._bodies[self._ids], len(self._stands), found, margin)
+        self._set_grid(found, self._stands[self._columns].astype(np.int32))
         nodes = int(np.prod(found.shape))
         if nodes > self._capacity:
             # Some room to grow into; what is never touched costs no memory.
@@ -175,13 +218,16 @@ class SortedCloud(ABC):
             self._make_room(self._capacity)
         return found
 
-    def _wake(self, rows: TracerRows, found: CellTables) -> None:
-        """Sort the tracers, and make the blocks active that they read."""
-        woken = arrange_tracers(rows.homes, found)
+    def _wake(self, rows: TracerRows, found: CellTables, homes: Array) -> None:
+        """Sort the tracers, make the blocks active that they read, and see which bodies, of points in `homes`, meet."""
+        column = (rows.homes[:, 0].astype(np.int64) - found.lower[0]) // BLOCK
+        there = self._columns[np.clip(column, 0, len(self._columns) - 1)]
+        woken = arrange_tracers(rows.homes, found, there == self._tracer_bodies[rows.ids])
         rows = rows.sorted(woken.order)
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
-        self._set_active(woken, found)
+        keys = cell_keys(homes, found.lower, found.shape // BLOCK)
+        self._set_active(woken, found, meetings(self._problem, keys, self._bodies[self._ids], self._stands, woken.active, found))
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 
@@ -189,10 +235,22 @@ class SortedCloud(ABC):
         """The points as they are, in the engine's own order."""
         return Rows(cells=self._cell_rows(), points=self._point_rows(), labels=self._label_rows(), ids=self._ids)
 
+    def _placed_rows(self) -> Rows:
+        """The same, without the bodies' stands."""
+        rows = self._rows()
+        return standing(rows, -self._stands[self._bodies[rows.ids]]) if self._stands.any() else rows
+
+    def _placed_tracers(self) -> TracerRows:
+        rows = self._tracer_rows()
+        return rows.standing(-self._stands[self._tracer_bodies[rows.ids]])
+
     def positions(self) -> Array:
         """(N, 3) [m], in the given order."""
+        cells = self._cell_rows()
+        if self._stands.any():
+            cells = cells - self._stands[self._bodies[self._ids]]
         positions = np.empty((self._count, 3))
-        positions[self._ids] = self.units.world(self._cell_rows())
+        positions[self._ids] = self.units.world(cells)
         return positions
 
     def velocities(self) -> Array:
@@ -205,8 +263,9 @@ class SortedCloud(ABC):
 
     def tracer_positions(self) -> Array:
         """(M, 3) [m], in the given order."""
-        return self._tracer_rows().positions(self.units)
+        return self._placed_tracers().positions(self.units)
 
     def checkpoint(self) -> dict[str, Array]:
         """The state, in the engine's own order and units."""
-        return self._rows().checkpoint() | self._tracer_rows().checkpoint()
+        kept = {"stands": self._stands.astype(np.float64)}
+        return self._placed_rows().checkpoint() | self._placed_tracers().checkpoint() | kept

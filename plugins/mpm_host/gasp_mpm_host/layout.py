@@ -19,8 +19,10 @@ plasticine: equivalent plastic strain. Fluid: J - 1, which keeps the digits that
 DEFORMATION = 21
 MEAN_PRESSURE = 30
 """What the mean dilation adds to the stress in the step that is being done; nothing is kept in it."""
+HALF_SIDE = 31
+"""Of the cube that a point stands for at rest [cells]."""
 POINT_WIDTH = 32
-LAYOUT = 2
+LAYOUT = 3
 """Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""
 
 # One point's row of integers.

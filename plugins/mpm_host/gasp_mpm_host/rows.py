@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -19,7 +19,7 @@ from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["DAMAGED", "Rows", "Survey"]
+__all__ = ["DAMAGED", "Rows", "Survey", "standing"]
 
 Array = NDArray[Any]
 
@@ -53,6 +53,7 @@ class Rows:
         points[:, at.VELOCITY : at.VELOCITY + 3] = cloud.initial_velocities / units.speed
         points[:, at.MASS] = problem.masses / units.mass
         points[:, at.DEFORMATION : at.DEFORMATION + 9] = np.eye(3).reshape(-1)
+        points[:, at.HALF_SIDE] = 0.5 * np.cbrt(cloud.reference_volumes) / units.spacing
         labels = np.zeros((len(cloud), at.LABEL_WIDTH), dtype=np.int32)
         labels[:, at.MATERIAL] = cloud.material_ids
         ids = np.arange(len(cloud), dtype=np.int32)
@@ -132,6 +133,13 @@ class Rows:
         gains = self.points[fluid, at.HISTORY].astype(np.float64)
         found[fluid] = np.cbrt(1 + gains)[:, None, None] * np.eye(3)
         return self._given(found)
+
+
+def standing(rows: Rows, stands: Array) -> Rows:
+    """The rows moved, cells and homes, by whole cells (N, 3), see `gasp_mpm_host.bodies`."""
+    labels = rows.labels.copy()
+    labels[:, at.HOME : at.HOME + 3] += stands.astype(np.int32)
+    return replace(rows, cells=rows.cells + stands, labels=labels)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,11 +54,14 @@ class TracerTables:
     active: Array
 
 
-def arrange_tracers(home: Array, tables: CellTables) -> TracerTables:
-    """Tables for tracers with home cells (M, 3) int32, on the points' grid with `TRACER_MARGIN` around it."""
+def arrange_tracers(home: Array, tables: CellTables, own: Array) -> TracerTables:
+    """Tables for tracers with home cells (M, 3) int32, on the points' grid with `TRACER_MARGIN` around it.
+
+    `own` (M,) says which of them are where the body that carries them is.
+    """
     blocks = tables.shape // BLOCK
     first, last = tables.lower + 1, tables.lower + tables.shape - 4
-    on_grid = np.flatnonzero(((home >= first) & (home <= last)).all(axis=1))
+    on_grid = np.flatnonzero(((home >= first) & (home <= last)).all(axis=1) & own)
     keys = cell_keys(home[on_grid], tables.lower, blocks)
     sorting = stable_order(keys)
     on_grid, keys = on_grid[sorting], keys[sorting]
@@ -136,6 +139,13 @@ class TracerRows:
         given = np.empty(self.cells.shape)
         given[self.ids] = units.world(self.cells)
         return given
+
+    def standing(self, stands: Array) -> Self:
+        """The rows moved, cells and homes, by whole cells (M, 3), see `gasp_mpm_host.bodies`."""
+        homes = self.homes.astype(np.int64) + stands
+        return replace(
+            self, cells=self.cells + stands, homes=np.clip(homes, -_FARTHEST, _FARTHEST).astype(np.int32)
+        )
 
     def settled(self) -> Self:
         """The rows with the cells they are in now as homes."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
 from gasp_core.stepping.mpm import averaged_lame
+from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
 from gasp_reference_mpm.constitutive import (
     drucker_prager_projection,
@@ -35,11 +36,13 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matter:
-    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], and the rows each material owns."""
+    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, and whose matter
+    carries each tracer, (M,)."""
 
     masses: Array
     volumes: Array
     portions: tuple[tuple[Material, Array], ...]
+    tracer_bodies: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +82,7 @@ def matter_of(problem: PointProblem) -> Matter:
         masses=problem.masses,
         volumes=problem.points.reference_volumes,
         portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
+        tracer_bodies=tracer_bodies(problem.points),
     )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.stepping.mpm import BETTER_GAP, FOREMOST, TURNS
+from gasp_core.stepping.mpm import BETTER_GAP, FOREMOST, TURN_BELOW, TURNS
 from gasp_reference_mpm.transfer import GridMomentum, Stencil
 
 __all__ = ["separated"]
@@ -44,10 +44,11 @@ def separated(
         best = _farther(best, front, spacing)
     front = best
     for _ in range(TURNS):
-        # A gap that is open is one already. Where it is not, it would be none if what is foremost stayed so.
+        # Where they overlap, they would not if what is foremost stayed so.
         lever = front.lever - np.sum(front.lever * front.normals, axis=1, keepdims=True) * front.normals
-        turn = np.maximum(-front.gaps, 0.0) / np.maximum(np.sum(lever**2, axis=1), (0.5 * spacing) ** 2)
-        turned = _unit(front.normals + np.where(np.isfinite(turn), turn, 0.0)[:, None] * lever)
+        overlap = np.where((front.gaps < -TURN_BELOW * spacing) & np.isfinite(front.gaps), -front.gaps, 0.0)
+        turn = overlap / np.maximum(np.sum(lever**2, axis=1), (0.5 * spacing) ** 2)
+        turned = _unit(front.normals + turn[:, None] * lever)
         front = _front(*sides, turned, spacing)
         best = _farther(best, front, spacing)
     return best.normals, np.where(np.any(best.normals, axis=1), best.gaps, np.inf)

@@ -51,7 +51,7 @@ def substep(
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, history = deformed(matter, motion, velocity_gradients, step)
-    carrying = carried(stencil, spacing, grid, velocities, motion.tracers)
+    carrying = carried(stencil, spacing, grid, velocities, motion.tracers, matter.tracer_bodies)
     tracers = motion.tracers + step * carrying
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         # One that nothing moves may stay outside.

@@ -242,11 +242,13 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     return weighted.sum(axis=1), affine_velocities, around.transpose(0, 2, 1) @ stencil.gradients
 
 
-def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocities: Array, places: Array) -> Array:
+def carried(
+    stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocities: Array, places: Array, bodies: Array
+) -> Array:
     """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
 
-    The mean over the nodes of all bodies around each, weighted by the B-splines and by how much matter a node stands
-    for (`gasp_core.stepping.mpm.presence`); where there is none, zero.
+    The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for
+    (`gasp_core.stepping.mpm.presence`); where there is none, zero.
 
     Parameters
     ----------
@@ -255,6 +257,8 @@ def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocitie
     grid
         What the points gave to them.
     grid_velocities : (G, 3) [m/s]
+    bodies : (M,)
+        Whose matter carries each.
     """
     fields = stencil.fields
     # What is too far away to be counted in cells is as far as anything outside the boxes.
@@ -267,7 +271,7 @@ def carried(stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocitie
     present[grid.nodes] = grid.presence
     total, sums = np.zeros(len(places)), np.zeros((len(places), 3))
     for body, (corner, shape) in enumerate(zip(fields.corners, fields.shapes)):
-        within: Array = np.all((node >= corner) & (node < corner + shape), axis=2)
+        within: Array = np.all((node >= corner) & (node < corner + shape), axis=2) & (bodies == body)[:, None]
         if not within.any():
             continue
         flat = fields.flat(np.array(body), np.where(within[..., None], node, corner))

@@ -28,12 +28,21 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
     least_mass = real(0.0 if double else at.LEAST_MASS)
 
     @wp.func
-    def block_corner(s: Tables, q: int):
-        """Place of the first node of an active block, from the grid's own first node."""
-        block = s.active[q]
+    def corner_of(s: Tables, block: int):
+        """Place of a block's first node, from the grid's own first node."""
         by = s.shape[1] // 4
         bz = s.shape[2] // 4
         return wp.vec3i(block // (by * bz) * 4, block // bz % by * 4, block % bz * 4)
+
+    @wp.func
+    def block_corner(s: Tables, q: int):
+        """Of an active block."""
+        return corner_of(s, s.active[q])
+
+    @wp.func
+    def lone_corner(s: Tables, q: int):
+        """Of one of the active blocks in which there is one body."""
+        return corner_of(s, s.apart[q])
 
     @wp.func
     def node_of(corner: wp.vec3i, n: int):
@@ -86,14 +95,16 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
 
     @wp.func
     def update_node(s: Tables, acting: Acting, drive_set: int, corner: wp.vec3i, n: int):
-        """Momentum to velocity, then whatever acts on it."""
+        """Momentum to velocity, then whatever acts on it; where several bodies meet `meeting` does this."""
         node = node_of(corner, n)
         row = row_of(s, node)
         g = s.grid[row]
         v = vec4()
         if g[3] > least_mass:
             velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
-            u, held = constrain(acting, velocity, wp.vec3d(s.lower + node), drive_set)
+            column = 3 * (corner[0] // 4)
+            stand = wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2])
+            u, held = constrain(acting, velocity, wp.vec3d(s.lower + node - stand), drive_set)
             v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
             if held == 1:
                 s.report[CLAMPED] = 1
@@ -104,12 +115,13 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
 
     @wp.func
     def update_block(s: Tables, acting: Acting, drive_set: int, q: int):
-        corner = block_corner(s, q)
+        corner = lone_corner(s, q)
         for n in range(BLOCK_NODES):
             update_node(s, acting, drive_set, corner, n)
 
     return SimpleNamespace(
         block_corner=block_corner,
+        lone_corner=lone_corner,
         clear_node=clear_node,
         divide_node=divide_node,
         update_node=update_node,

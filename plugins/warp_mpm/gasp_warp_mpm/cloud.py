@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 from gasp_mpm_host import layout as at
+from gasp_mpm_host.bodies import Meetings
 from gasp_mpm_host.cells import CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
@@ -23,6 +24,7 @@ from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.blocks import BLOCK_NODES
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
+from gasp_warp_mpm.meeting import SCRATCH_WIDTH
 from gasp_warp_mpm.pool import LANES
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
 
@@ -73,7 +75,9 @@ class Cloud(SortedCloud):
         self._device = device
         self._atomic = atomic
         self._real = wp.float64 if double else wp.float32
-        self._kernels = make_kernels(double, self._kinds, self._averaged, atomic=atomic, native=native)
+        self._kernels = make_kernels(
+            double, self._kinds, self._averaged, len(self._stands) > 1, atomic=atomic, native=native
+        )
         runtime.load(self._kernels.module, device)
         self._types = algebra(self._real)
         self._acting = Acting()
@@ -89,6 +93,7 @@ class Cloud(SortedCloud):
         self._tables.report = self._put(np.zeros(REPORT_WIDTH), wp.int32)
         self._tables.means = self._empty(1, self._types.vec2)
         self._tables.carrier = self._empty(1, self._types.vec4)
+        self._tables.scratch = self._empty(1, self._real)
         self._begin(problem, restart, engine)
 
     # ---- memory -----------------------------------------------------------------------------------------------------
@@ -143,6 +148,9 @@ class Cloud(SortedCloud):
 
     # ---- order ------------------------------------------------------------------------------------------------------
 
+    def _place(self, cells: Array) -> None:
+        self._tables.x = self._put(cells, wp.vec3d)
+
     def _settle(self) -> None:
         self._launch(self._kernels.settle, self._count)
 
@@ -152,11 +160,12 @@ class Cloud(SortedCloud):
         self._spare = (tables.x, tables.points, tables.labels)
         tables.x, tables.points, tables.labels = spare
 
-    def _set_grid(self, found: CellTables) -> None:
+    def _set_grid(self, found: CellTables, stands: Array) -> None:
         tables = self._tables
         tables.lower, tables.shape = wp.vec3i(*found.lower.tolist()), wp.vec3i(*found.shape.tolist())
         tables.tiles = self._put(found.tiles.reshape(-1), wp.int32)
         tables.colours = self._put(found.colour_offsets, wp.int32)
+        tables.stands = self._put(stands.reshape(-1), wp.int32)
 
     def _make_room(self, nodes: int) -> None:
         tables = self._tables
@@ -167,10 +176,19 @@ class Cloud(SortedCloud):
         if self._traced:
             tables.carrier = self._empty(nodes + 1, self._types.vec4)
 
-    def _set_active(self, woken: TracerTables, found: CellTables) -> None:
+    def _set_active(self, woken: TracerTables, found: CellTables, met: Meetings) -> None:
         tables = self._tables
         tables.tracer_count = woken.awake
         tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
+        tables.apart, tables.apart_count = self._put(met.apart, wp.int32), len(met.apart)
+        tables.members, tables.places = self._put(met.members, wp.int32), self._put(met.places, wp.int32)
+        tables.place_count = len(met.places) - 1
+        tables.pairs, tables.friction = self._put(met.pairs.reshape(-1), wp.int32), self._put(met.friction, wp.float64)
+        tables.pair_begins = self._put(met.pair_begins, wp.int32)
+        tables.near, tables.near_begins = self._put(met.near, wp.int32), self._put(met.near_begins, wp.int32)
+        room = BLOCK_NODES * SCRATCH_WIDTH * len(met.pairs)
+        if len(tables.scratch) < room:
+            tables.scratch = self._empty(room + room // 2, self._real)
 
     # ---- stepping ---------------------------------------------------------------------------------------------------
 
@@ -263,7 +281,9 @@ class Cloud(SortedCloud):
         phases, tables = self._kernels.phases, self._tables
         with runtime.capture(self._device) as capture:
             self._scatter_by_phase()
-            self._launch(phases.update, BLOCK_NODES * tables.active_count, self._acting)
+            self._launch(phases.update, BLOCK_NODES * tables.apart_count, self._acting)
+            if tables.place_count:
+                self._launch(phases.meet, tables.place_count, self._acting)
             self._launch(phases.move, self._count, self._acting)
             if tables.tracer_count > 0:
                 self._launch(phases.carry, tables.tracer_count, self._acting)

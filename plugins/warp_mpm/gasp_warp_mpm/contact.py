@@ -11,7 +11,7 @@ from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.tables import Acting
 
-__all__ = ["constrain"]
+__all__ = ["acted", "confined", "constrain"]
 
 _ZERO = wp.float64(0.0)
 _ONE = wp.float64(1.0)
@@ -138,6 +138,7 @@ def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
 @wp.func
 def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
     u = velocity * _ONE
+    held = int(0)
     begin = s.colliders * at.COLLIDER_WIDTH + s.winds * at.WIND_WIDTH
     for drive in range(s.drives):
         row = begin + (drive_set * s.drives + drive) * at.DRIVE_WIDTH
@@ -149,7 +150,8 @@ def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
         )
         if _distance(s, row, back + _triple(s.forcing, row + 8)) <= _TOUCH:
             u = _triple(s.forcing, row + 23) + wp.cross(_triple(s.forcing, row + 26), arm)
-    return u
+            held = 1
+    return u, held
 
 
 @wp.func
@@ -176,8 +178,8 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
 
 
 @wp.func
-def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
-    """Velocity of a node after everything that acts there, and whether the domain's edge held it.
+def acted(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
+    """Velocity of a node after gravity, wind and drives, and whether a drive prescribes it.
 
     Parameters
     ----------
@@ -188,7 +190,13 @@ def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
     drive_set
         Which copy of the drives holds for this step: drives move.
     """
-    free = _collided(s, _driven(s, _blown(s, velocity + s.gravity, node), node, drive_set), node)
+    return _driven(s, _blown(s, velocity + s.gravity, node), node, drive_set)
+
+
+@wp.func
+def confined(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
+    """Velocity of a node after the colliders and the domain's edge, and whether the edge held it."""
+    free = _collided(s, velocity, node)
     u = free * _ONE
     held = int(0)
     if s.clamp == 1:
@@ -201,3 +209,10 @@ def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
         if wp.length(u - free) > _HELD * wp.length(free):
             held = int(1)
     return u, held
+
+
+@wp.func
+def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
+    """Both, where no other body is near: `acted`, then `confined`."""
+    u, _driven_there = acted(s, velocity, node, drive_set)
+    return confined(s, u, node)

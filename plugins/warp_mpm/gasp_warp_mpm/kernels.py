@@ -19,6 +19,7 @@ from gasp_mpm_host.cells import COLOURS
 from gasp_warp_mpm.barrier import take_next, wait_for_all
 from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
+from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.phases import make_phases
 from gasp_warp_mpm.survey import make_survey
@@ -34,7 +35,9 @@ _POINTS = 512
 
 
 @cache
-def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_kernels(
+    double: bool, kinds: frozenset[str], averaged: bool, several: bool, *, atomic: bool, native: bool
+) -> SimpleNamespace:
     """Kernels for one precision and set of materials, and the module that holds them; compiled when it is loaded.
 
     Parameters
@@ -45,6 +48,8 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         Kinds of material present: what is absent costs neither compilation nor a branch.
     averaged
         Something is nearly incompressible: its dilation is averaged over the nodes before it acts.
+    several
+        There are several bodies, which may meet.
     atomic
         Scatter with atomic additions, for GPUs; otherwise `steps`, for threads that share tiles of one colour.
     native
@@ -62,6 +67,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     blocks = make_blocks(double, averaged)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
     settle_block, update_block = blocks.settle_block, blocks.update_block
+    meet = make_meeting(double, averaged, atomic=atomic, native=native).meet if several else None
     tracers = make_tracers(double, averaged, atomic=atomic, native=native)
     carry_one, carry_some = tracers.carry_one, tracers.carry_some
     lines = make_native(double, averaged)
@@ -74,7 +80,7 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
     kind_names = "_".join(sorted(kind.replace("-", "_") for kind in kinds))
-    name = f"{'f64' if double else 'f32'}_{kind_names}{'_averaged' * averaged}{'_atomic' * atomic}{'_native' * native}"
+    name = f"{'f64' if double else 'f32'}_{kind_names}{'_averaged' * averaged}{'_several' * several}{'_atomic' * atomic}{'_native' * native}"
     module = wp.get_module(f"gasp_warp_mpm_{name}")
     # Loops along the three axes are unrolled and no others: eight copies of a scatter take long to compile.
     # A product and a sum are one operation where the processor has it: Clang does not contract them unless it is told.
@@ -103,12 +109,13 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
         place = s.x[p] + s.step * wp.vec3d(v)
         if acting.clamp == 1:
             for d in range(3):
-                if place[d] < acting.wall_low[d]:
-                    place[d] = acting.wall_low[d]
+                stand = wp.float64(s.stands[3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4) + d])
+                if place[d] < acting.wall_low[d] + stand:
+                    place[d] = acting.wall_low[d] + stand
                     v[d] = wp.max(v[d], zero)
                     s.report[CLAMPED] = 1
-                elif place[d] > acting.wall_high[d]:
-                    place[d] = acting.wall_high[d]
+                elif place[d] > acting.wall_high[d] + stand:
+                    place[d] = acting.wall_high[d] + stand
                     v[d] = wp.min(v[d], zero)
                     s.report[CLAMPED] = 1
         for d in range(3):
@@ -209,10 +216,18 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     @wp.func
     def update_share(s: Tables, acting: Acting, drive_set: int, meeting: Meeting):
         q = take_next(meeting, _BLOCKS)
-        while q < s.active_count:
-            for block in range(q, wp.min(q + _BLOCKS, s.active_count)):
+        if several:
+            # These first, a few at a time: they take longest. Every number stands for a place, then for blocks.
+            while q < s.place_count * _BLOCKS:
+                meet(s, acting, drive_set, q // _BLOCKS)
+                q = take_next(meeting, _BLOCKS)
+            q = q - s.place_count * _BLOCKS
+        while q < s.apart_count:
+            for block in range(q, wp.min(q + _BLOCKS, s.apart_count)):
                 update_block(s, acting, drive_set, block)
             q = take_next(meeting, _BLOCKS)
+            if several:
+                q = q - s.place_count * _BLOCKS
 
     @wp.func
     def average_share(s: Tables, colour: int, meeting: Meeting):
@@ -343,7 +358,14 @@ def make_kernels(double: bool, kinds: frozenset[str], averaged: bool, *, atomic:
     )
     if atomic:
         kernels.phases = make_phases(
-            module, double, averaged, transfers=transfers, blocks=blocks, move_point=move_point, carry_one=carry_one
+            module,
+            double,
+            averaged,
+            meet,
+            transfers=transfers,
+            blocks=blocks,
+            move_point=move_point,
+            carry_one=carry_one,
         )
     else:
         kernels.steps, kernels.scatter_in_order = steps, scatter_in_order

@@ -172,6 +172,7 @@ _MOVE = """
     flag4 near = (flag4)-1;
     for (int l = 0; l < GROUP; ++l) {
         const int p = begin + l;
+        const int* const home = labels + l * LABEL_WIDTH + HOME;
         STENCIL
         COLLECT
         *(quad*)(flow[l]) = lx;
@@ -180,15 +181,16 @@ _MOVE = """
         place4 to = place + s.step * __builtin_convertvector(v, place4);
         if (acting.clamp == 1)
             for (int d = 0; d < 3; ++d) {
-                const bool under = to[d] < acting.wall_low[d], above = to[d] > acting.wall_high[d];
-                if (under) to[d] = acting.wall_low[d];
-                if (above) to[d] = acting.wall_high[d];
+                const int stand = ((const int*)s.stands.data)[3 * ((home[0] - s.lower[0]) >> 2) + d];
+                const double wall_low = acting.wall_low[d] + stand, wall_high = acting.wall_high[d] + stand;
+                const bool under = to[d] < wall_low, above = to[d] > wall_high;
+                if (under) to[d] = wall_low;
+                if (above) to[d] = wall_high;
                 if ((under && v[d] < 0) || (above && v[d] > 0)) v[d] = 0;
                 if (under || above) ((int*)s.report.data)[CLAMPED] = 1;
             }
         double* const x = (double*)s.x.data + 3 * (index)p;
         x[0] = to[0], x[1] = to[1], x[2] = to[2];
-        const int* const home = labels + l * LABEL_WIDTH + HOME;
         // Lane 3 is 1/2 and stays so: no velocity is in it. NaN fails either comparison.
         const place4 drift = to - 0.5 - __builtin_convertvector(((cell4){home[0], home[1], home[2], 0}), place4);
         near &= (drift >= -1.0) & (drift < 2.0);

@@ -22,19 +22,21 @@ def make_phases(
     module: Any,
     double: bool,
     averaged: bool,
+    meet: Any,
     *,
     transfers: SimpleNamespace,
     blocks: SimpleNamespace,
     move_point: Any,
     carry_one: Any,
 ) -> SimpleNamespace:
-    """Kernels clear, scatter, update, move, carry, finish and, where it is `averaged`, average and divide.
+    """Kernels clear, scatter, update, move, carry, finish; where it is `averaged`, average and divide; meet, if given.
 
     They are in Warp's module `module`.
     """
     Tables = tables_of(wp.float64 if double else wp.float32)
     scatter_one, scatter_dilation = transfers.scatter, transfers.scatter_dilation
     block_corner, clear_node = blocks.block_corner, blocks.clear_node
+    lone_corner = blocks.lone_corner
     divide_node, update_node = blocks.divide_node, blocks.update_node
     pooled = make_pool(double)
     open_pool, corner_of, share_of = pooled.open_pool, pooled.corner_of, pooled.share_of
@@ -63,7 +65,7 @@ def make_phases(
     def update(s: Tables, acting: Acting):
         """What acts on a node of an active block."""
         if s.report[HALTED] == 0:
-            corner = block_corner(s, wp.tid() // BLOCK_NODES)
+            corner = lone_corner(s, wp.tid() // BLOCK_NODES)
             update_node(s, acting, s.report[NEXT_STEP], corner, wp.tid() % BLOCK_NODES)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -87,6 +89,15 @@ def make_phases(
             s.report[HALTED] = s.report[DRIFTED]
 
     phases = SimpleNamespace(clear=clear, scatter=scatter, update=update, move=move, carry=carry, finish=finish)
+    if meet is not None:
+
+        @wp.kernel(module=module, enable_backward=False)
+        def meet_all(s: Tables, acting: Acting):
+            """What acts on the nodes of a place of several bodies, and their contact."""
+            if s.report[HALTED] == 0:
+                meet(s, acting, s.report[NEXT_STEP], wp.tid())
+
+        phases.meet = meet_all
     if averaged:
 
         @wp.kernel(module=module, enable_backward=False)

@@ -80,15 +80,16 @@ def make_survey(double: bool, module: Any) -> Any:
         gradient = wp.float64(0.0)
         bad = int(0)
         inverted = int(0)
-        low = s.x[begin] * one
-        high = s.x[begin] * one
+        low = wp.vec3d(wp.float64(1e300))
+        high = -low
         for p in range(begin, wp.min(begin + at.SURVEY_CHUNK, s.count)):
             o = p * at.POINT_WIDTH
             v = wide3(s.points, o + at.VELOCITY)
             C = wide9(s.points, o + at.AFFINE)
             F = wide9(s.points, o + at.DEFORMATION)
             history = wp.float64(s.points[o + at.HISTORY])
-            place = s.x[p]
+            column = 3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4)
+            place = s.x[p] - wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
             if finite(v, C, F, history, place):
                 row = s.labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                 kind = int(s.materials[row + at.KIND])

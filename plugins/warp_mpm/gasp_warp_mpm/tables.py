@@ -69,5 +69,18 @@ def tables_of(real: Any) -> Any:
         tracer_homes: wp.array(dtype=wp.int32)
         tracer_count: int
         carrier: wp.array(dtype=types.vec4)
+        stands: wp.array(dtype=wp.int32)
+        """Of the body in each column of blocks, three numbers; the rest is `gasp_mpm_host.bodies.Meetings`."""
+        apart: wp.array(dtype=wp.int32)
+        apart_count: int
+        members: wp.array(dtype=wp.int32)
+        places: wp.array(dtype=wp.int32)
+        place_count: int
+        pairs: wp.array(dtype=wp.int32)
+        friction: wp.array(dtype=wp.float64)
+        pair_begins: wp.array(dtype=wp.int32)
+        near: wp.array(dtype=wp.int32)
+        near_begins: wp.array(dtype=wp.int32)
+        scratch: wp.array(dtype=real)
 
     return Tables

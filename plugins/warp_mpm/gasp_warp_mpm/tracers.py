@@ -26,8 +26,6 @@ _CARRY = """
     typedef int cell4 __attribute__((ext_vector_type(4)));
     const cell4 grid_low = {s.lower[0], s.lower[1], s.lower[2], 0};
     const long long sy = 4 * (long long)s.shape[2], sx = sy * s.shape[1];
-    const place4 low_wall = {acting.wall_low[0], acting.wall_low[1], acting.wall_low[2], 0};
-    const place4 high_wall = {acting.wall_high[0], acting.wall_high[1], acting.wall_high[2], 0};
     bool away = false;
     for (long long p = begin; p < end; ++p) {
         double* const at = (double*)s.tracers.data + 3 * p;
@@ -52,7 +50,11 @@ _CARRY = """
         const quad velocity = total / total[3];
         place += s.step * __builtin_convertvector(velocity, place4);
         if (acting.clamp == 1)
-            place = __builtin_elementwise_min(__builtin_elementwise_max(place, low_wall), high_wall);
+            for (int d = 0; d < 3; ++d) {
+                const int stand = ((const int*)s.stands.data)[3 * ((home[0] - s.lower[0]) >> 2) + d];
+                if (place[d] < acting.wall_low[d] + stand) place[d] = acting.wall_low[d] + stand;
+                if (place[d] > acting.wall_high[d] + stand) place[d] = acting.wall_high[d] + stand;
+            }
         at[0] = place[0], at[1] = place[1], at[2] = place[2];
         // NaN fails either comparison.
         for (int d = 0; d < 3; ++d) {
@@ -105,7 +107,9 @@ def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
             if v[0] != zero or v[1] != zero or v[2] != zero:
                 place = place + s.step * wp.vec3d(v)
                 if acting.clamp == 1:
-                    place = wp.min(wp.max(place, acting.wall_low), acting.wall_high)
+                    column = 3 * ((s.tracer_homes[3 * p] - s.lower[0]) // 4)
+                    stand = wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
+                    place = wp.min(wp.max(place, acting.wall_low + stand), acting.wall_high + stand)
                 s.tracers[p] = place
                 near = int(0)
                 for d in range(3):

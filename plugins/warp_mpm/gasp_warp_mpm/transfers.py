@@ -281,6 +281,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         material_row=material_row,
         stencil=stencil,
         weights=weights,
+        slopes=slopes,
         scatter_dilation=scatter_dilation,
         mean_pressure=mean_pressure,
         scatter=scatter,

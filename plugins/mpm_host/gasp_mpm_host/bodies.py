@@ -1,0 +1,198 @@
+"""Several bodies on one grid: each stands beside the others on it, so that none shares a node with another.
+
+A body has a velocity field of its own. Kernels need not know: for them every body is moved by whole cells, by its
+`stand`, to where nobody else is, so that the grid's blocks that hold one body hold no other. What has to do with places
+in the scene (colliders, drives, bounds, what is read) takes the stand away again, and `meetings` says which blocks are
+one place of several bodies.
+
+Bodies stand in a row along x, each in blocks 0, 1, 2, ... of its own; stands are multiples of two blocks, so that
+colours stay, and with them the order of summation and every bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import ContactCondition, PointProblem
+from gasp_mpm_host import layout as at
+from gasp_mpm_host.cells import BLOCK, CellTables, blocks_in_reach, grid_box
+
+__all__ = ["Meetings", "bodies_of_columns", "meetings", "stands_for"]
+
+Array = NDArray[Any]
+
+_STEP = 2 * BLOCK
+_ROOM = 4
+"""Steps left free between bodies, so that they may move a while before they have to be moved apart again."""
+_WASTE = 2.0
+"""How many times the nodes that are needed a grid may have before its bodies are put closer together."""
+_CONDITIONS = {
+    ContactCondition.STICK: at.STICK,
+    ContactCondition.SLIP: at.SLIP,
+    ContactCondition.SEPARATE: at.SEPARATE,
+}
+
+
+def stands_for(home: Array, bodies: Array, stands: Array, margin: int = 0) -> Array:
+    """Stands (B, 3) int64 [cells] with which no body is in another's way: those they have, if these will do.
+
+    Parameters
+    ----------
+    home : (N, 3) int32
+        Cells the points are in, without their stands.
+    bodies : (N,)
+        Whose they are.
+    stands : (B, 3) int64
+        Those they have.
+    margin
+        Blocks to keep free around each body.
+    """
+    if len(stands) == 1:
+        return stands
+    unlimited = 2**62
+    boxes = []
+    for body in range(len(stands)):
+        own = home[bodies == body]
+        boxes.append(grid_box(own.min(axis=0), own.max(axis=0), unlimited, margin) if len(own) else (None, None))
+    filled = [(body, lower, shape) for body, (lower, shape) in enumerate(boxes) if lower is not None]
+    packed = stands.copy()
+    begin = filled[0][1]
+    for body, lower, shape in filled:
+        packed[body] = (begin - lower + _STEP - 1) // _STEP * _STEP
+        begin = np.array([(lower + packed[body] + shape)[0] + _ROOM * _STEP, *begin[1:]])
+    ends = [((lower + stands[body])[0], (lower + stands[body] + shape)[0]) for body, lower, shape in filled]
+    apart = all(end <= following for (_, end), (following, _) in zip(ends, ends[1:]))
+    nodes = [
+        np.prod(
+            np.max([lower + each[body] + shape for body, lower, shape in filled], axis=0)
+            - np.min([lower + each[body] for body, lower, shape in filled], axis=0)
+        )
+        for each in (stands, packed)
+    ]
+    return stands if apart and nodes[0] <= _WASTE * nodes[1] else packed
+
+
+def bodies_of_columns(home: Array, bodies: Array, count: int, tables: CellTables, margin: int = 0) -> Array:
+    """Which of `count` bodies is in each of the X columns of blocks along x, (X,).
+
+    `home` (N, 3) are cells with the stands, `bodies` (N,) whose they are, `margin` the blocks kept free around them.
+    """
+    columns = np.zeros(int(tables.shape[0]) // BLOCK, dtype=np.int32)
+    if count > 1:
+        firsts = [int(home[bodies == body, 0].min(initial=np.iinfo(np.int32).max)) for body in range(count)]
+        for body in np.argsort(firsts):
+            # A point may have drifted by a cell.
+            begin = max(0, int((firsts[body] - 1 - tables.lower[0]) // BLOCK) - margin)
+            columns[begin:] = body
+    return columns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meetings:
+    """Where several bodies may share nodes: blocks of the grid that are one place, if stands are taken away.
+
+    Parameters
+    ----------
+    apart : (A,) int32
+        Active blocks where there is one body only.
+    members : (M,) int32
+        Active blocks of the others, by place and then by body.
+    places : (G + 1,) int32
+        Where the members of each place begin, and the end.
+    pairs : (P, 3) int32
+        Rows of `members`, the body of the lower number first, and the condition of their contact.
+    friction : (P,) float64
+    pair_begins : (G + 1,) int32
+        Where the pairs of each place begin, and the end.
+    near : (K,) int32
+        Rows of the points that may reach a member's nodes, until the next sort.
+    near_begins : (M + 1,) int32
+        Where those of each member begin, and the end.
+    """
+
+    apart: Array
+    members: Array
+    places: Array
+    pairs: Array
+    friction: Array
+    pair_begins: Array
+    near: Array
+    near_begins: Array
+
+
+def meetings(
+    problem: PointProblem, keys: Array, bodies: Array, stands: Array, active: Array, tables: CellTables
+) -> Meetings:
+    """Of sorted points whose cells have these `keys` (N,), on the grid of `tables`.
+
+    `bodies` (N,) say whose they are, and `active` (A,) which blocks are active.
+    """
+    if len(stands) == 1:
+        return _nothing(active)
+    blocks = tables.shape // BLOCK
+    cells, first, of = np.unique(keys, return_index=True, return_inverse=True)
+    whose = bodies[first]
+    count = int(np.prod(blocks))
+    reach = blocks_in_reach(cells, blocks)
+    owner = np.full(count, -1, dtype=np.int32)
+    owner[reach] = np.broadcast_to(whose, reach.shape)
+    reached = np.flatnonzero(owner >= 0)
+    place = np.stack(np.unravel_index(reached, blocks), axis=1) - stands[owner[reached]] // BLOCK
+    _, which, crowd = np.unique(place, axis=0, return_inverse=True, return_counts=True)
+    which = which.reshape(-1)
+    shared = crowd[which] > 1
+    if not shared.any():
+        return _nothing(active)
+    members, which = reached[shared], which[shared]
+    order = np.lexsort((owner[members], which))
+    members, which = members[order], which[order]
+    starts = np.flatnonzero(np.diff(which, prepend=-1))
+    ends = np.append(starts[1:], len(members))
+    pairs = [(low, high) for begin, end in zip(starts, ends) for low in range(begin, end) for high in range(low + 1, end)]
+    sizes = ends - starts
+    contacts = [problem.contact_between(int(owner[members[low]]), int(owner[members[high]])) for low, high in pairs]
+
+    # Of each member the points in cells from which it can be reached.
+    row_of = np.full(count, -1, dtype=np.int64)
+    row_of[members] = np.arange(len(members))
+    hit = row_of[reach]
+    corner, cell = np.nonzero(hit >= 0)
+    reaching = np.unique(np.stack([hit[corner, cell], cell], axis=1), axis=0)
+    begins = np.searchsorted(keys, cells)
+    lengths = np.append(begins[1:], len(keys)) - begins
+    own = lengths[reaching[:, 1]]
+    into = np.arange(own.sum()) - np.repeat(np.cumsum(own) - own, own)
+    near = np.repeat(begins[reaching[:, 1]], own) + into
+    totals = np.zeros(len(members) + 1, dtype=np.int64)
+    np.add.at(totals, reaching[:, 0] + 1, own)
+    return Meetings(
+        apart=active[~np.isin(active, members)],
+        members=members.astype(np.int32),
+        places=np.append(starts, len(members)).astype(np.int32),
+        pairs=np.array(
+            [(*pair, _CONDITIONS[contact.condition]) for pair, contact in zip(pairs, contacts)], dtype=np.int32
+        ),
+        friction=np.array([contact.friction for contact in contacts]),
+        pair_begins=np.concatenate([[0], np.cumsum(sizes * (sizes - 1) // 2)]).astype(np.int32),
+        near=near.astype(np.int32),
+        near_begins=np.cumsum(totals).astype(np.int32),
+    )
+
+
+def _nothing(active: Array) -> Meetings:
+    none = np.zeros(0, dtype=np.int32)
+    begin = np.zeros(1, dtype=np.int32)
+    return Meetings(
+        apart=active,
+        members=none,
+        places=begin,
+        pairs=none.reshape(0, 3),
+        friction=np.zeros(0),
+        pair_begins=begin,
+        near=none,
+        near_begins=begin,
+    )
