@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from gasp_mpm_host import layout as at
+from gasp_mpm_host.bodies import Meetings
 from gasp_mpm_host.cells import COLOURS, CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import PointProblem
 from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
+from gasp_taichi_mpm.meeting import SCRATCH_WIDTH
 from gasp_taichi_mpm.memory import Memory
 from gasp_taichi_mpm.packing import packed, unpacked
 
@@ -60,7 +62,7 @@ class Cloud(SortedCloud):
         super().__init__(problem, units, double=double, threads=threads)
         self._runtime = runtime.current()
         self._memory = Memory(on_gpu=on_gpu)
-        self._kernels = make_kernels(double, self._kinds, on_gpu, self._averaged)
+        self._kernels = make_kernels(double, self._kinds, on_gpu, self._averaged, len(self._stands) > 1)
         self._materials = self._memory.put(material_table(problem, units))
         self._control = np.zeros(words.CONTROL_WIDTH, dtype=np.int32)
         self._control[words.POINTS] = self._count
@@ -70,6 +72,7 @@ class Cloud(SortedCloud):
         self._means: Any = self._memory.empty((1, 2), self._host_real)
         self._carrier: Any = self._memory.empty((1, 4), np.float64)
         self._chart = self._memory.put(np.zeros(self._chunks * at.SURVEY_WIDTH))
+        self._scratch: Any = None
         self._report = self._memory.put(np.zeros(words.REPORT_WIDTH, dtype=np.int32))
         self.set_fields(np.zeros(1))
         self._begin(problem, restart, engine)
@@ -115,6 +118,9 @@ class Cloud(SortedCloud):
     def _put_control(self) -> Any:
         return self._memory.put(self._control) if self._memory.on_gpu else self._control
 
+    def _place(self, cells: Array) -> None:
+        self._memory.write(self._x, cells)
+
     def _settle(self) -> None:
         self._kernels.settle(self._x, self._labels, self._put_control())
 
@@ -133,11 +139,12 @@ class Cloud(SortedCloud):
         self._points, self._points_spare = self._points_spare, self._points
         self._labels, self._labels_spare = self._labels_spare, self._labels
 
-    def _set_grid(self, found: CellTables) -> None:
+    def _set_grid(self, found: CellTables, stands: Array) -> None:
         self._control[words.LOWER : words.LOWER + 3] = found.lower
         self._control[words.SHAPE : words.SHAPE + 3] = found.shape
         self._control[words.COLOURS_AT : words.COLOURS_AT + 9] = found.colour_offsets
         self._tiles = self._memory.put(found.tiles.reshape(-1))
+        self._stand_table = stands
 
     def _make_room(self, nodes: int) -> None:
         self._grid = None
@@ -149,18 +156,44 @@ class Cloud(SortedCloud):
             self._carrier = None
             self._carrier = self._memory.empty((nodes, 4), np.float64)
 
-    def _set_active(self, woken: TracerTables, found: CellTables) -> None:
+    def _set_active(self, woken: TracerTables, found: CellTables, met: Meetings) -> None:
+        self._set_meetings(met)
         self._active = self._memory.put(woken.active)
         self._control[words.ACTIVE] = len(woken.active)
         self._control[words.TRACERS] = woken.awake
         self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(found)
+
+    def _set_meetings(self, met: Meetings) -> None:
+        """Who meets, in one table."""
+        tables = {
+            words.STANDS_AT: self._stand_table,
+            words.APART_AT: met.apart,
+            words.MEMBERS_AT: met.members,
+            words.MEMBER_BEGINS_AT: met.places,
+            words.PAIRS_AT: met.pairs,
+            words.PAIR_BEGINS_AT: met.pair_begins,
+            words.NEAR_AT: met.near,
+            words.NEAR_BEGINS_AT: met.near_begins,
+        }
+        begin = 0
+        for word, table in tables.items():
+            self._control[word] = begin
+            begin += table.size
+        self._met = self._memory.put(np.concatenate([table.reshape(-1) for table in tables.values()]).astype(np.int32))
+        self._control[words.APART], self._control[words.PLACES] = len(met.apart), len(met.places) - 1
+        self._control[words.SCRATCH_AT] = len(met.friction)
+        scratch = np.zeros(len(met.friction) + 64 * SCRATCH_WIDTH * len(met.pairs) + 1)
+        scratch[: len(met.friction)] = met.friction
+        self._scratch = self._memory.put(scratch)
 
     def _tickets(self, tables: CellTables) -> Array:
         """Where the phases of a step begin in its tickets, and the end."""
         blocks = -(-int(self._control[words.ACTIVE]) // words.BLOCKS_A_TICKET)
         tiles = np.diff(tables.colour_offsets)
         counts = np.zeros(words.PHASES, dtype=np.int32)
-        counts[[words.CLEAR, words.UPDATE]] = blocks
+        counts[words.CLEAR] = blocks
+        alone = -(-int(self._control[words.APART]) // words.BLOCKS_A_TICKET)
+        counts[words.UPDATE] = self._control[words.PLACES] + alone
         counts[words.MOVE] = -(-self._count // words.POINTS_A_TICKET)
         counts[words.CARRY] = -(-int(self._control[words.TRACERS]) // words.POINTS_A_TICKET)
         counts[words.SCATTER : words.SCATTER + COLOURS] = tiles
@@ -228,6 +261,8 @@ class Cloud(SortedCloud):
                 self._tracers,
                 self._homes,
                 self._carrier,
+                self._met,
+                self._scratch,
                 signs,
                 first,
                 end - first,
@@ -247,7 +282,7 @@ class Cloud(SortedCloud):
             kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
             acting = (self._materials, self._batch_argument, self._forcing, self._fields, control, self._report)
             carried = (self._tracers, self._homes, self._carrier)
-            kernels.update_and_move(*cloud, self._grid, self._active, *acting, *carried, step)
+            kernels.update_and_move(*cloud, self._grid, *acting, *carried, self._met, self._scratch, step)
             if self._memory.get(self._report)[words.DRIFTED]:
                 return step + 1 - first
         return end - first
@@ -255,7 +290,7 @@ class Cloud(SortedCloud):
     def survey(self) -> Survey:
         """Look at every point."""
         runtime.require(self._runtime)
-        self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._chart)
+        self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._met, self._chart)
         return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def push(self, members: Array, change: Array) -> None:

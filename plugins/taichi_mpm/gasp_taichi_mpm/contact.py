@@ -9,7 +9,7 @@ from gasp_mpm_host import layout as at
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["constrain", "is_touched"]
+__all__ = ["acted", "confined", "constrain", "is_touched"]
 
 _BLOCK_RADIUS = 1.5 * 3**0.5
 """From the centre of a block of 4^3 nodes to its corners."""
@@ -135,17 +135,8 @@ def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: t
 
 
 @ti.func
-def constrain(
-    v,
-    node,
-    batch: ti.template(),
-    forcing: ti.template(),
-    fields: ti.template(),
-    control: ti.template(),
-    report: ti.template(),
-    drive_set,
-):
-    """Velocity of a node after everything that acts there.
+def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.template(), drive_set):
+    """Velocity of a node after winds and drives, and whether a drive prescribes it.
 
     Parameters
     ----------
@@ -157,6 +148,7 @@ def constrain(
         Which copy of the drives holds for this step: drives move.
     """
     u = v
+    held = False
     row = 0
     colliders_end = control[words.COLLIDERS] * at.COLLIDER_WIDTH
     winds_end = colliders_end + control[words.WINDS] * at.WIND_WIDTH
@@ -180,7 +172,24 @@ def constrain(
         )
         if _distance(forcing, fields, row, back + _triple(forcing, row + 8)) <= ti.f64(at.TOUCH):
             u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
+            held = True
         row += at.DRIVE_WIDTH
+    return u, held
+
+
+@ti.func
+def confined(
+    v,
+    node,
+    batch: ti.template(),
+    forcing: ti.template(),
+    fields: ti.template(),
+    control: ti.template(),
+    report: ti.template(),
+):
+    """Velocity of a node after the colliders and the domain's edge; parameters as `acted`."""
+    u = v
+    colliders_end = control[words.COLLIDERS] * at.COLLIDER_WIDTH
     row = 0
     while row < colliders_end:
         side = forcing[row + 10]
@@ -210,3 +219,19 @@ def constrain(
         if (u - free).norm() > 1e-6 * free.norm():
             ti.atomic_add(report[words.CLAMPED], 1)
     return u
+
+
+@ti.func
+def constrain(
+    v,
+    node,
+    batch: ti.template(),
+    forcing: ti.template(),
+    fields: ti.template(),
+    control: ti.template(),
+    report: ti.template(),
+    drive_set,
+):
+    """Both, where no other body is near: `acted`, then `confined`."""
+    u, _ = acted(v, node, forcing, fields, control, drive_set)
+    return confined(u, node, batch, forcing, fields, control, report)

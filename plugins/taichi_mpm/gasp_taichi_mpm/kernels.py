@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from gasp_mpm_host import layout as at
 
 from gasp_taichi_mpm import words
+from gasp_taichi_mpm.meeting import make_meet
 from gasp_taichi_mpm.motion import make_move, make_strain
 from gasp_taichi_mpm.nodes import make_node_work
 from gasp_taichi_mpm.runtime import taichi as ti
@@ -25,7 +26,9 @@ _PATIENCE = 20_000
 
 
 @cache
-def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bool) -> SimpleNamespace:
+def make_kernels(
+    double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bool, several: bool
+) -> SimpleNamespace:
     """Kernels for one precision and set of materials; compiled at first use.
 
     Parameters
@@ -38,6 +41,8 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         Scatter with atomics, a point a thread.
     averaged
         Something is nearly incompressible: its dilation is averaged over the nodes before it acts.
+    several
+        There are several bodies, which may meet.
     """
     real = ti.f64 if double else ti.f32
     Positions = ti.types.ndarray(dtype=ti.types.vector(3, ti.f64), ndim=1)
@@ -51,6 +56,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
     scatter, scatter_dilation, gather = transfers.scatter, transfers.scatter_dilation, transfers.gather
     nodes = make_node_work(real, 0.0 if double else at.LEAST_MASS, averaged=averaged)
     clear_block, divide_block, update_block = nodes.clear_block, nodes.divide_block, nodes.update_block
+    meet = make_meet(0.0 if double else at.LEAST_MASS)
     move_point = make_move(real, kinds, gather)
     strain_point = make_strain(real, kinds)
 
@@ -72,6 +78,8 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         tracers: Positions,
         homes: Ints,
         carrier: Grid,
+        met: Ints,
+        scratch: Doubles,
         signs: Ints,
         first: ti.i32,
         count: ti.i32,
@@ -114,20 +122,42 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                         for q in range(begin, end):
                             clear_block(grid, means, active, control, q)
                     elif phase == words.UPDATE:
+                        # A place where several meet takes longest, so these come first.
+                        rank = share - control[words.PLACES]
+                        begin = ti.max(rank, 0) * words.BLOCKS_A_TICKET
+                        end = ti.min(begin + words.BLOCKS_A_TICKET, control[words.APART])
+                        if ti.static(several):
+                            if rank < 0:
+                                end = begin
+                                meet(
+                                    x,
+                                    points,
+                                    labels,
+                                    grid,
+                                    carrier,
+                                    materials,
+                                    batch,
+                                    forcing,
+                                    fields,
+                                    control,
+                                    report,
+                                    met,
+                                    scratch,
+                                    first + step,
+                                    share,
+                                )
                         for q in range(begin, end):
-                            update_block(
-                                grid, carrier, active, batch, forcing, fields, control, report, first + step, q
-                            )
+                            update_block(grid, carrier, met, batch, forcing, fields, control, report, first + step, q)
                     elif phase == words.MOVE:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.POINTS])
                         for p in range(begin, end):
-                            move_point(x, points, labels, grid, materials, batch, control, report, p)
+                            move_point(x, points, labels, grid, materials, batch, control, report, met, p)
                     elif phase == words.CARRY:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.TRACERS])
                         for p in range(begin, end):
-                            carry(tracers, homes, carrier, batch, control, report, p)
+                            carry(tracers, homes, carrier, batch, control, report, met, p)
                     elif phase >= words.SCATTER:
                         q = control[words.COLOURS_AT + phase - words.SCATTER] + share
                         for p in range(tiles[2 * q], tiles[2 * q + 1]):
@@ -183,7 +213,6 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         points: Points,
         labels: Ints,
         grid: Grid,
-        active: Ints,
         materials: Doubles,
         batch: Doubles,
         forcing: Doubles,
@@ -193,15 +222,36 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         tracers: Positions,
         homes: Ints,
         carrier: Grid,
+        met: Ints,
+        scratch: Doubles,
         step: ti.i32,
     ):
         """The rest of step number `step` of the batch (GPU)."""
-        for q in range(control[words.ACTIVE]):
-            update_block(grid, carrier, active, batch, forcing, fields, control, report, step, q)
+        if ti.static(several):
+            for place in range(control[words.PLACES]):
+                meet(
+                    x,
+                    points,
+                    labels,
+                    grid,
+                    carrier,
+                    materials,
+                    batch,
+                    forcing,
+                    fields,
+                    control,
+                    report,
+                    met,
+                    scratch,
+                    step,
+                    place,
+                )
+        for q in range(control[words.APART]):
+            update_block(grid, carrier, met, batch, forcing, fields, control, report, step, q)
         for p in range(control[words.POINTS]):
-            move_point(x, points, labels, grid, materials, batch, control, report, p)
+            move_point(x, points, labels, grid, materials, batch, control, report, met, p)
         for p in range(control[words.TRACERS]):
-            carry(tracers, homes, carrier, batch, control, report, p)
+            carry(tracers, homes, carrier, batch, control, report, met, p)
 
     @ti.kernel
     def strain(points: Points, labels: Ints, materials: Doubles, control: Ints):

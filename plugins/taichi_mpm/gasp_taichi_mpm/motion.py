@@ -7,6 +7,7 @@ from gasp_mpm_host import layout as at
 
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
+from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.transfers import cell_of, has_drifted, make_overwrite
 
@@ -75,6 +76,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
         batch: ti.template(),
         control: ti.template(),
         report: ti.template(),
+        met: ti.template(),
         p,
     ):
         V, CX, CY, CZ, LX, LY, LZ = gather(x, grid, control, p)
@@ -109,13 +111,14 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
             place = x[p] + batch[words.STEP] * ti.Vector([V[0], V[1], V[2]])
             if control[words.CLAMP] == 1:
                 held = 0
+                stand = stand_of(met, control, labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER])
                 for d in ti.static(range(3)):
-                    if place[d] < batch[words.WALL_LOW + d]:
-                        place[d] = batch[words.WALL_LOW + d]
+                    if place[d] < batch[words.WALL_LOW + d] + stand[d]:
+                        place[d] = batch[words.WALL_LOW + d] + stand[d]
                         points[r + words.VELOCITY][d] = ti.max(ti.cast(V[d], real), real(0.0))
                         held = 1
-                    elif place[d] > batch[words.WALL_HIGH + d]:
-                        place[d] = batch[words.WALL_HIGH + d]
+                    elif place[d] > batch[words.WALL_HIGH + d] + stand[d]:
+                        place[d] = batch[words.WALL_HIGH + d] + stand[d]
                         points[r + words.VELOCITY][d] = ti.min(ti.cast(V[d], real), real(0.0))
                         held = 1
                 if held == 1:

@@ -7,7 +7,7 @@ from gasp_taichi_mpm import words
 from gasp_taichi_mpm.contact import constrain, is_touched
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["make_node_work"]
+__all__ = ["block_corner", "make_node_work", "stand_of"]
 
 _node4 = ti.types.vector(4, ti.f64)
 
@@ -17,6 +17,13 @@ def block_corner(control: ti.template(), block):
     by = control[words.SHAPE + 1] // 4
     bz = control[words.SHAPE + 2] // 4
     return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4
+
+
+@ti.func
+def stand_of(met: ti.template(), control: ti.template(), x):
+    """How far the body at the node `x` along the first axis is from its place in the scene, in cells."""
+    begin = control[words.STANDS_AT] + 3 * (x // 4)
+    return ti.Vector([met[begin], met[begin + 1], met[begin + 2]])
 
 
 @ti.func
@@ -66,7 +73,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
     def update_block(
         grid: ti.template(),
         carrier: ti.template(),
-        active: ti.template(),
+        met: ti.template(),
         batch: ti.template(),
         forcing: ti.template(),
         fields: ti.template(),
@@ -75,9 +82,10 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
         drive_set,
         q,
     ):
-        """Momentum to velocity, then whatever acts on it, at the nodes of one block."""
-        corner = block_corner(control, active[q])
-        origin = ti.cast(ti.Vector([control[words.LOWER + d] for d in range(3)]) + corner, ti.f64)
+        """Momentum to velocity, then whatever acts on it, at the nodes of one block where there is one body."""
+        corner = block_corner(control, met[control[words.APART_AT] + q])
+        low = ti.Vector([control[words.LOWER + d] for d in range(3)])
+        origin = ti.cast(low + corner - stand_of(met, control, corner[0]), ti.f64)
         touched = is_touched(origin + 1.5, forcing, fields, control)
         traced = control[words.TRACERS] > 0
         kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])

@@ -26,6 +26,7 @@ def _places() -> Array:
     places[words.DILATION, 3] = at.DILATION
     places[words.HISTORY, 3] = at.HISTORY
     places[words.MASS, 3] = at.MASS
+    places[words.HALF_SIDE, 3] = at.HALF_SIDE
     return places.reshape(-1)
 
 

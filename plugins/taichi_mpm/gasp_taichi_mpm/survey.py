@@ -7,6 +7,7 @@ from gasp_mpm_host import layout as at
 
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.motion import columns
+from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 
 __all__ = ["make_survey"]
@@ -32,14 +33,15 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
     watched = [words.VELOCITY, *(words.AFFINE + c for c in range(3)), *(words.DEFORMATION + c for c in range(3))]
 
     @ti.kernel
-    def survey(x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, result: Doubles):
+    def survey(x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, met: Ints, result: Doubles):
         """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
         ti.loop_config(block_dim=1)
         for chunk in range((control[words.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
             stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
             bad, inverted = 0, 0
             begin = chunk * at.SURVEY_CHUNK
-            low, high = x[begin], x[begin]
+            low = ti.Vector([ti.f64(1e300), ti.f64(1e300), ti.f64(1e300)])
+            high = -low
             for p in range(begin, ti.min(begin + at.SURVEY_CHUNK, control[words.POINTS])):
                 r = p * words.POINT_ROWS
                 speeds = ti.cast(points[r + words.VELOCITY], ti.f64)
@@ -47,7 +49,8 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                 C = ti.cast(columns(points, r + words.AFFINE), ti.f64)
                 F = ti.cast(columns(points, r + words.DEFORMATION), ti.f64)
                 history = ti.cast(points[r + words.HISTORY][3], ti.f64)
-                place = x[p]
+                home = labels[p * at.LABEL_WIDTH + at.HOME]
+                place = x[p] - ti.cast(stand_of(met, control, home - control[words.LOWER]), ti.f64)
                 lost = boundless(points[r + words.HISTORY][3])
                 for d in ti.static(range(3)):
                     lost = lost or boundless_place(place[d])

@@ -5,6 +5,7 @@ and only where there are tracers.
 """
 
 from gasp_taichi_mpm import words
+from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.transfers import cell_of, has_drifted, stencil, weights
 
@@ -21,6 +22,7 @@ def carry(
     batch: ti.template(),
     control: ti.template(),
     report: ti.template(),
+    met: ti.template(),
     p,
 ):
     """Move a tracer by sum w h v / sum w h over the 27 nodes around it."""
@@ -37,8 +39,10 @@ def carry(
     if total[3] > 0 and (total[0] != 0 or total[1] != 0 or total[2] != 0):
         place = tracers[p] + (batch[words.STEP] / total[3]) * ti.Vector([total[0], total[1], total[2]])
         if control[words.CLAMP] == 1:
+            stand = stand_of(met, control, homes[3 * p] - control[words.LOWER])
             for d in ti.static(range(3)):
-                place[d] = ti.min(ti.max(place[d], batch[words.WALL_LOW + d]), batch[words.WALL_HIGH + d])
+                low, high = batch[words.WALL_LOW + d] + stand[d], batch[words.WALL_HIGH + d] + stand[d]
+                place[d] = ti.min(ti.max(place[d], low), high)
         tracers[p] = place
         drift = cell_of(place)
         for d in ti.static(range(3)):

@@ -21,7 +21,7 @@ from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["make_overwrite", "make_transfers", "numbers4"]
+__all__ = ["make_overwrite", "make_transfers", "numbers4", "slopes", "weights"]
 
 _node4 = ti.types.vector(4, ti.f64)
 

@@ -22,6 +22,7 @@ POINT_ROWS = 10
 DILATION = 4
 HISTORY = 5
 MASS = 7
+HALF_SIDE = 8
 
 # What indices are cut to where it changes nothing, because they are below: a compiler that knows an index small knows
 # what lies beside what.
@@ -45,7 +46,22 @@ PHASES_AT = 22
 """Offsets of the phases of a step into its tickets, and the end."""
 TRACERS = 44
 """How many of them something can move."""
-CONTROL_WIDTH = 48
+# Where things begin in the one table of who meets, see `gasp_mpm_host.bodies.Meetings`.
+STANDS_AT = 45
+APART_AT = 46
+MEMBERS_AT = 47
+MEMBER_BEGINS_AT = 48
+PAIRS_AT = 49
+PAIR_BEGINS_AT = 50
+NEAR_AT = 51
+NEAR_BEGINS_AT = 52
+APART = 53
+"""How many active blocks have one body only."""
+PLACES = 54
+"""How many places have several."""
+SCRATCH_AT = 55
+"""Where the scratch begins, behind the friction of the pairs."""
+CONTROL_WIDTH = 56
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0
