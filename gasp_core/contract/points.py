@@ -97,7 +97,7 @@ class PointProblem:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
     """None: no edge, as with `DomainPolicy.EXPAND`."""
-    body_contact: BodyContact = BodyContact()
+    body_contact: BodyContact = field(default_factory=BodyContact)
     """How bodies meet that have no contact of their own in `pair_contacts`."""
     pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
     """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""

@@ -21,6 +21,7 @@ __all__ = [
     "FULL_PRESENCE",
     "GRADIENT_SHARE",
     "HELD_TOGETHER",
+    "LOOK_TRAVEL",
     "TURNS",
     "TURN_BELOW",
     "averaged_lame",
@@ -92,6 +93,9 @@ HELD_TOGETHER = 0.5
 """In cells: bodies that are nearer than this count as touching where contact holds them together, "stick" and "slip".
 
 Where contact only keeps them apart nothing is counted: an open gap may close, and not more."""
+
+LOOK_TRAVEL = 0.125
+"""In cells: how far points may fly before it is looked again how far apart bodies are, and along which normals."""
 
 TURNS = 2
 """How often a normal between two bodies is turned towards the direction along which they are farthest apart."""

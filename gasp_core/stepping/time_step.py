@@ -39,7 +39,7 @@ from gasp_core.contract import (
     SphereShape,
 )
 from gasp_core.errors import SceneError
-from gasp_core.stepping.mpm import GRADIENT_SHARE
+from gasp_core.stepping.mpm import GRADIENT_SHARE, LOOK_TRAVEL
 
 __all__ = [
     "MotionLimits",
@@ -102,6 +102,12 @@ class MotionLimits:
     def lasting(self, distance: float) -> float:
         """How long [s] these limits may be relied on: until a point has gone `distance` [m], or snow has hardened."""
         return min(self.flight(distance), self.hardening_time)
+
+    def steps_between_looks(self, spacing: float, step: float) -> int:
+        """How many steps [s] on a grid of `spacing` [m] may pass until bodies are looked at again for contact."""
+        steps = self.flight(LOOK_TRAVEL * spacing) / step
+        # Engines that agree but for rounding agree about a whole number, too.
+        return int(min(max(1.0, steps * (1 + 1e-4)), 1e6))
 
     @property
     def hardening_time(self) -> float:

@@ -30,6 +30,7 @@ _ROOM = 4
 """Steps left free between bodies, so that they may move a while before they have to be moved apart again."""
 _WASTE = 2.0
 """How many times the nodes that are needed a grid may have before its bodies are put closer together."""
+_NO_LIMIT = 2**62
 _CONDITIONS = {
     ContactCondition.STICK: at.STICK,
     ContactCondition.SLIP: at.SLIP,
@@ -53,27 +54,25 @@ def stands_for(home: Array, bodies: Array, stands: Array, margin: int = 0) -> Ar
     """
     if len(stands) == 1:
         return stands
-    unlimited = 2**62
-    boxes = []
-    for body in range(len(stands)):
+    filled = np.unique(bodies)
+    lowest, shapes = np.empty((2, len(filled), 3), dtype=np.int64)
+    for row, body in enumerate(filled):
         own = home[bodies == body]
-        boxes.append(grid_box(own.min(axis=0), own.max(axis=0), unlimited, margin) if len(own) else (None, None))
-    filled = [(body, lower, shape) for body, (lower, shape) in enumerate(boxes) if lower is not None]
+        lowest[row], shapes[row] = grid_box(own.min(axis=0), own.max(axis=0), _NO_LIMIT, margin)
     packed = stands.copy()
-    begin = filled[0][1]
-    for body, lower, shape in filled:
-        packed[body] = (begin - lower + _STEP - 1) // _STEP * _STEP
-        begin = np.array([(lower + packed[body] + shape)[0] + _ROOM * _STEP, *begin[1:]])
-    ends = [((lower + stands[body])[0], (lower + stands[body] + shape)[0]) for body, lower, shape in filled]
-    apart = all(end <= following for (_, end), (following, _) in zip(ends, ends[1:]))
-    nodes = [
-        np.prod(
-            np.max([lower + each[body] + shape for body, lower, shape in filled], axis=0)
-            - np.min([lower + each[body] for body, lower, shape in filled], axis=0)
-        )
-        for each in (stands, packed)
-    ]
-    return stands if apart and nodes[0] <= _WASTE * nodes[1] else packed
+    begin = lowest[0].copy()
+    for row, body in enumerate(filled):
+        packed[body] = -((lowest[row] - begin) // _STEP) * _STEP
+        begin[0] = lowest[row, 0] + packed[body, 0] + shapes[row, 0] + _ROOM * _STEP
+    starts = lowest + stands[filled]
+    apart = np.all((starts + shapes)[:-1, 0] <= starts[1:, 0])
+    wasteful = _nodes(starts, shapes) > _WASTE * _nodes(lowest + packed[filled], shapes)
+    return stands if apart and not wasteful else packed
+
+
+def _nodes(lowest: Array, shapes: Array) -> float:
+    """Nodes of the box around boxes (B, 3)."""
+    return float(np.prod((lowest + shapes).max(axis=0) - lowest.min(axis=0), dtype=np.float64))
 
 
 def bodies_of_columns(home: Array, bodies: Array, count: int, tables: CellTables, margin: int = 0) -> Array:
@@ -134,7 +133,7 @@ def meetings(
     if len(stands) == 1:
         return _nothing(active)
     blocks = tables.shape // BLOCK
-    cells, first, of = np.unique(keys, return_index=True, return_inverse=True)
+    cells, first = np.unique(keys, return_index=True)
     whose = bodies[first]
     count = int(np.prod(blocks))
     reach = blocks_in_reach(cells, blocks)
@@ -152,7 +151,9 @@ def meetings(
     members, which = members[order], which[order]
     starts = np.flatnonzero(np.diff(which, prepend=-1))
     ends = np.append(starts[1:], len(members))
-    pairs = [(low, high) for begin, end in zip(starts, ends) for low in range(begin, end) for high in range(low + 1, end)]
+    pairs = [
+        (low, high) for begin, end in zip(starts, ends) for low in range(begin, end) for high in range(low + 1, end)
+    ]
     sizes = ends - starts
     contacts = [problem.contact_between(int(owner[members[low]]), int(owner[members[high]])) for low, high in pairs]
 

@@ -227,7 +227,9 @@ class SortedCloud(ABC):
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
         keys = cell_keys(homes, found.lower, found.shape // BLOCK)
-        self._set_active(woken, found, meetings(self._problem, keys, self._bodies[self._ids], self._stands, woken.active, found))
+        self._set_active(
+            woken, found, meetings(self._problem, keys, self._bodies[self._ids], self._stands, woken.active, found)
+        )
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

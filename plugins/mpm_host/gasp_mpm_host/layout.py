@@ -93,6 +93,8 @@ SURVEY_BAD = 3
 SURVEY_INVERTED = 4
 SURVEY_LOW = 5
 SURVEY_HIGH = 8
+SURVEY_DRIFT = 11
+"""How far, in cells and along one axis, a point is outside its home."""
 SURVEY_WIDTH = 12
 SURVEY_CHUNK = 1024
 

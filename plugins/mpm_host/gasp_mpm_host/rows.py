@@ -158,6 +158,8 @@ class Survey:
         Points whose deformation gradient has a determinant <= 0.
     low, high : (3,) [m]
         The points' bounding box.
+    drift
+        How far a point is outside its home, along one axis [cells].
     """
 
     finite: bool
@@ -167,6 +169,7 @@ class Survey:
     inverted: int
     low: Array
     high: Array
+    drift: float
 
     @classmethod
     def of(cls, chart: Array, units: Units) -> Self:
@@ -183,4 +186,5 @@ class Survey:
             inverted=int(chart[:, at.SURVEY_INVERTED].sum()),
             low=units.world(chart[:, at.SURVEY_LOW : at.SURVEY_LOW + 3].min(axis=0)),
             high=units.world(chart[:, at.SURVEY_HIGH : at.SURVEY_HIGH + 3].max(axis=0)),
+            drift=float(chart[:, at.SURVEY_DRIFT].max()),
         )

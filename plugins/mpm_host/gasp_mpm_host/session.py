@@ -32,6 +32,8 @@ _LONGEST_BATCH = 20
 """Steps between two looks at what bounds them."""
 _BATCH_TRAVEL = 0.5
 """In cells: how far a point may fly between two looks."""
+_DRIFT_BEFORE = 0.25
+"""In cells: how far outside their homes points may be before a batch, so that none is a cell outside within it."""
 _FELT = 1.5
 """In cells: how far away from a node points feel what acts there."""
 
@@ -59,8 +61,13 @@ class SteppedCloud(Protocol):
         """Set the distance fields (M,) that rows of what acts name, see `forcing_tables.FieldTable`."""
         ...
 
-    def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
-        """Set what acts during the next steps of `step` [s]; `drives` holds (steps, K, width) rows."""
+    def begin_batch(
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+    ) -> None:
+        """Set what acts during the next steps of `step` [s]; `drives` holds (steps, K, width) rows.
+
+        At the first and then every `looks` steps it is looked how far apart bodies are.
+        """
         ...
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
@@ -172,6 +179,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
             cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
         super().__init__(problem, cloud, engine=engine, accuracy=accuracy, time=time)
+        self._several = bool(problem.points.body_ids.any())
         self._clamped = False
         self._inverted = 0
 
@@ -198,7 +206,11 @@ class MpmSession(SteppedSession[SteppedCloud]):
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
         taking = min(count, max(1, reach))
         # The last batch lands on the very number that was asked for, not on a sum of steps.
-        self._take(taking, step, landing if taking == count else None)
+        if self._several and self._survey.drift > _DRIFT_BEFORE:
+            # Now rather than on the way: what is known of contact lasts from look to look, unless points are sorted.
+            self._sort(self.held())
+        looks = limits.steps_between_looks(self._units.spacing, step)
+        self._take(taking, step, landing if taking == count else None, looks)
 
     def check_state(self, step: float) -> None:
         """See `SteppedSession`."""
@@ -216,7 +228,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             hardening=self._hardening,
         )
 
-    def _take(self, count: int, step: float, landing: float | None) -> None:
+    def _take(self, count: int, step: float, landing: float | None, looks: int) -> None:
         """Take `count` steps, the last of which ends at `landing`, if any; sort where a point has strayed from home."""
         cloud = self.held()
         begin = self._time
@@ -229,6 +241,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             self._colliders,
             wind_rows(winds, step, self._units, self._fields),
             np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
+            looks,
         )
         done = 0
         while done < count:

@@ -143,9 +143,7 @@ class TracerRows:
     def standing(self, stands: Array) -> Self:
         """The rows moved, cells and homes, by whole cells (M, 3), see `gasp_mpm_host.bodies`."""
         homes = self.homes.astype(np.int64) + stands
-        return replace(
-            self, cells=self.cells + stands, homes=np.clip(homes, -_FARTHEST, _FARTHEST).astype(np.int32)
-        )
+        return replace(self, cells=self.cells + stands, homes=np.clip(homes, -_FARTHEST, _FARTHEST).astype(np.int32))
 
     def settled(self) -> Self:
         """The rows with the cells they are in now as homes."""

@@ -6,14 +6,14 @@ propagation in granular material"). They exchange opposite impulses at one place
 across it; so linear and angular momentum of the pair are kept to rounding, and energy does not rise.
 
 Sharing a node says little about touching: bodies do so across a gap of two cells. How far apart their surfaces are is
-asked of the points around the node, `gasp_reference_mpm.separation`, as in Nairn, Hammerquist and Smith 2020 ("New
+asked of the points around the node now and then, `gasp_reference_mpm.separation`, as in Nairn, Hammerquist and Smith 2020 ("New
 material point method contact algorithms for improved accuracy, large-deformation problems, and proper null space
 filtering").
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import BodyContact, ContactCondition, PointProblem
 from gasp_core.stepping.mpm import HELD_TOGETHER
-from gasp_reference_mpm.separation import separated
+from gasp_reference_mpm.separation import Separation, keys_of, separated
 from gasp_reference_mpm.transfer import GridMomentum, NodeFields, Stencil
 
-__all__ = ["met"]
+__all__ = ["looked", "met"]
 
 Array = NDArray[Any]
 
@@ -35,11 +35,11 @@ def met(
     grid: GridMomentum,
     velocities: Array,
     held: Array,
-    reaches: Array,
+    separation: Separation,
     spacing: float,
     step: float,
-) -> Array:
-    """Velocities (G, 3) [m/s] of the nodes after `step` [s] of contact between all bodies.
+) -> tuple[Array, Separation]:
+    """Velocities (G, 3) [m/s] of the nodes after `step` [s] of contact between all bodies, and how far these are then.
 
     Where more than two bodies share a node, its pairs take turns in the order of the bodies' numbers, (0, 1), (0, 2),
     (1, 2), and back again; each meets with the velocities that the turns before have left.
@@ -49,16 +49,17 @@ def met(
     velocities : (G, 3) [m/s]
     held : (G,)
         Nodes whose velocity is prescribed: no impulse moves them.
-    reaches : (N, 3, 3) [m]
-        Half the side of the cube that each point stands for, deformed as it is now: s/2 F.
+    separation
+        Of the bodies before the step; where it says nothing there is no contact.
     """
     pairs = _pairs(stencil.fields, grid.nodes)
     if not len(pairs.first):
-        return velocities
+        return velocities, separation
+    here = separation.at(keys_of(stencil, grid, pairs.first, pairs.second))
+    normals, gaps = here.normals, here.gaps
     velocities = velocities.copy()
     inverse_masses = np.where(held, 0.0, 1 / grid.mass)
     bodies = stencil.fields.bodies_of(grid.nodes)
-    normals, gaps = separated(stencil, grid, pairs.first, pairs.second, reaches, spacing)
     for turn in pairs.turns:
         for low, high in np.unique(np.stack([bodies[pairs.first[turn]], bodies[pairs.second[turn]]], 1), axis=0):
             own = turn[(bodies[pairs.first[turn]] == low) & (bodies[pairs.second[turn]] == high)]
@@ -70,7 +71,16 @@ def met(
             impulses = inertia[:, None] * _taken(contact, closing, normals[own], gaps[own], spacing, step)
             velocities[first] -= inverse_masses[first, None] * impulses
             velocities[second] += inverse_masses[second, None] * impulses
-    return velocities
+    approach = np.sum((velocities[pairs.first] - velocities[pairs.second]) * normals, axis=1)
+    return velocities, replace(here, gaps=gaps - step * approach)
+
+
+def looked(stencil: Stencil, grid: GridMomentum, reaches: Array, spacing: float) -> Separation:
+    """How far apart all bodies are now; `reaches` (N, 3, 3) [m] is half of what each point stands for, s/2 F."""
+    pairs = _pairs(stencil.fields, grid.nodes)
+    if not len(pairs.first):
+        return Separation(keys=np.zeros((0, 5), dtype=np.int64), normals=np.zeros((0, 3)), gaps=np.zeros(0))
+    return separated(stencil, grid, pairs.first, pairs.second, reaches, spacing)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,10 +106,8 @@ def _pairs(fields: NodeFields, nodes: Array) -> _Pairs:
     if len(fields.corners) == 1:
         return _Pairs(first=nothing, second=nothing, turns=[])
     coordinates = fields.coordinates(nodes)
-    key = np.ravel_multi_index(
-        tuple((coordinates - coordinates.min(axis=0)).T), tuple(np.ptp(coordinates, axis=0) + 1)
-    )
-    order = np.argsort(key, kind="stable")  # rows of one node stay in the order of their bodies
+    key = np.ravel_multi_index(tuple((coordinates - coordinates.min(axis=0)).T), tuple(np.ptp(coordinates, axis=0) + 1))
+    order: Array = np.argsort(key, kind="stable")  # rows of one node stay in the order of their bodies
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     counts = np.diff(starts, append=len(order))
     most = int(counts.max())

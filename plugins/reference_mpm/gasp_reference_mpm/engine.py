@@ -58,9 +58,7 @@ class ReferenceMpm:
             positions = problem.points.reference_positions - origin
             velocities = problem.points.initial_velocities
             tracers = problem.points.tracer_positions
-            affine = seeded_affine_velocities(
-                positions, spacing, problem.points.body_ids, matter.masses, velocities
-            )
+            affine = seeded_affine_velocities(positions, spacing, problem.points.body_ids, matter.masses, velocities)
             motion = Motion(
                 positions=positions,
                 velocities=velocities,

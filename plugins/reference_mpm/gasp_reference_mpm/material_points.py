@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
 from gasp_core.stepping.mpm import averaged_lame
-from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
+from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_reference_mpm.constitutive import (
     drucker_prager_projection,
     fixed_corotated_stress,

@@ -9,8 +9,8 @@ among three, the normals of the two bodies and their mean, then by turning it to
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,43 @@ from numpy.typing import NDArray
 from gasp_core.stepping.mpm import BETTER_GAP, FOREMOST, TURN_BELOW, TURNS
 from gasp_reference_mpm.transfer import GridMomentum, Stencil
 
-__all__ = ["separated"]
+__all__ = ["Separation", "keys_of", "separated"]
 
 Array = NDArray[Any]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Separation:
+    """How far bodies are apart at P nodes of two bodies each.
+
+    Parameters
+    ----------
+    keys : (P, 5)
+        Numbers of the two bodies, the lower one first, and whole-number coordinates of the node, in cells.
+    normals : (P, 3)
+        Unit vectors from the first body to the second.
+    gaps : (P,) [m]
+        Along them; infinite where nothing has a normal.
+    """
+
+    keys: Array
+    normals: Array
+    gaps: Array
+
+    def at(self, keys: Array) -> Self:
+        """The same at other nodes: those that are not among these have an infinite gap."""
+        rows = {tuple(key): row for row, key in enumerate(self.keys.tolist())}
+        found = np.array([rows.get(tuple(key), -1) for key in keys.tolist()], dtype=np.int64)
+        known = found >= 0
+        normals, gaps = np.zeros((len(keys), 3)), np.full(len(keys), np.inf)
+        normals[known], gaps[known] = self.normals[found[known]], self.gaps[found[known]]
+        return replace(self, keys=keys, normals=normals, gaps=gaps)
+
+
 def separated(
     stencil: Stencil, grid: GridMomentum, first: Array, second: Array, reaches: Array, spacing: float
-) -> tuple[Array, Array]:
-    """Unit normals (P, 3) from the first bodies to the second, and gaps (P,) [m]; infinite where nothing has a normal.
+) -> Separation:
+    """Where bodies are at nodes that two of them share.
 
     Parameters
     ----------
@@ -35,10 +63,10 @@ def separated(
     reaches : (N, 3, 3) [m]
         Half the side of the cube that each point stands for, deformed as it is now.
     """
-    sides = [_around(stencil, grid, rows, reaches, spacing) for rows in (first, second)]
-    out_of_first, out_of_second = (_outward(side) for side in sides)
+    one, other = (_around(stencil, grid, rows, reaches, spacing) for rows in (first, second))
+    out_of_first, out_of_second = _outward(one), _outward(other)
     tried = [_unit(out_of_first - out_of_second), out_of_first, -out_of_second]
-    fronts = [_front(*sides, normals, spacing) for normals in tried]
+    fronts = [_front(one, other, normals, spacing) for normals in tried]
     best = fronts[0]
     for front in fronts[1:]:
         best = _farther(best, front, spacing)
@@ -49,9 +77,20 @@ def separated(
         overlap = np.where((front.gaps < -TURN_BELOW * spacing) & np.isfinite(front.gaps), -front.gaps, 0.0)
         turn = overlap / np.maximum(np.sum(lever**2, axis=1), (0.5 * spacing) ** 2)
         turned = _unit(front.normals + turn[:, None] * lever)
-        front = _front(*sides, turned, spacing)
+        front = _front(one, other, turned, spacing)
         best = _farther(best, front, spacing)
-    return best.normals, np.where(np.any(best.normals, axis=1), best.gaps, np.inf)
+    return Separation(
+        keys=keys_of(stencil, grid, first, second),
+        normals=best.normals,
+        gaps=np.where(np.any(best.normals, axis=1), best.gaps, np.inf),
+    )
+
+
+def keys_of(stencil: Stencil, grid: GridMomentum, first: Array, second: Array) -> Array:
+    """As in `Separation`, of rows of the grid (P,) that are one node of two bodies."""
+    fields = stencil.fields
+    one, other = grid.nodes[first], grid.nodes[second]
+    return np.column_stack([fields.bodies_of(one), fields.bodies_of(other), fields.coordinates(one)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,11 +114,22 @@ class ReferenceSession(SteppedSession[Motion]):
         reach = int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))
         taking = min(count, max(1, reach))
         start = self._time
+        looks = limits.steps_between_looks(self._spacing, step)
+        separation = None
         for index in range(taking):
             now = start + index * step
             # Overflow is not silenced but awaited: `_refuse_leap` looks at every result before it is used.
             with np.errstate(over="ignore", invalid="ignore"):
-                motion, held = substep(self._problem, self._matter, motion, self._origin, self._spacing, now, step)
+                motion, separation, held = substep(
+                    self._problem,
+                    self._matter,
+                    motion,
+                    None if index % looks == 0 else separation,
+                    self._origin,
+                    self._spacing,
+                    now,
+                    step,
+                )
             self._held_back |= held
             self._refuse_leap(motion, now, step)
             motion = self._clamped(motion)

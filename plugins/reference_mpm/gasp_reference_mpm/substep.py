@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, PointProblem
-from gasp_reference_mpm.bodies import met
+from gasp_reference_mpm.bodies import looked, met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
+from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
 
 __all__ = ["seeded_affine_velocities", "substep"]
@@ -23,9 +24,19 @@ _HELD = 1e-6
 
 
 def substep(
-    problem: PointProblem, matter: Matter, motion: Motion, origin: Array, spacing: float, time: float, step: float
-) -> tuple[Motion, Array]:
-    """The motion `step` [s] after `time` [s], and a mask (N,) of the points that the domain's edge held back.
+    problem: PointProblem,
+    matter: Matter,
+    motion: Motion,
+    separation: Separation | None,
+    origin: Array,
+    spacing: float,
+    time: float,
+    step: float,
+) -> tuple[Motion, Separation, Array]:
+    """The motion `step` [s] after `time` [s], how far bodies are then apart, and a mask (N,) of the points that the
+    domain's edge held back.
+
+    Without a separation it is looked how far apart the bodies are.
 
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
     (symplectic Euler).
@@ -38,8 +49,11 @@ def substep(
     places = grid.positions + origin
     velocities = blown(velocities, places, problem.force_fields, time, step)
     velocities, held = driven(velocities, places, problem.drives, time, spacing)
-    reaches = 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations
-    velocities = met(problem, stencil, grid, velocities, held, reaches, spacing, step)
+    if separation is None:
+        separation = looked(
+            stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing
+        )
+    velocities, separation = met(problem, stencil, grid, velocities, held, separation, spacing, step)
     velocities = collided(velocities, places, problem.colliders, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         kept = kept_inside(velocities, places, problem.domain, spacing)
@@ -66,10 +80,12 @@ def substep(
         history=history,
         tracers=tracers,
     )
-    return moved, held_back
+    return moved, separation, held_back
 
 
-def seeded_affine_velocities(positions: Array, spacing: float, bodies: Array, masses: Array, velocities: Array) -> Array:
+def seeded_affine_velocities(
+    positions: Array, spacing: float, bodies: Array, masses: Array, velocities: Array
+) -> Array:
     """The affine velocities C (N, 3, 3) [1/s] that belong to a field of initial velocities (N, 3) [m/s].
 
     A cloud that starts with C = 0 loses spin to C in its first steps: of the angular momentum of a block of side a,

@@ -79,7 +79,7 @@ class Cloud(SortedCloud):
 
     def _seed(self) -> None:
         nothing = np.zeros((0, 0))
-        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((SEEDING_PASSES, 0, 0)))
+        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((SEEDING_PASSES, 0, 0)), 1)
         self._control[words.SEEDING] = 1
         self.steps(0, SEEDING_PASSES)
         self._control[words.SEEDING] = 0
@@ -212,11 +212,17 @@ class Cloud(SortedCloud):
         """Set the distance fields (M,) that rows of what acts name."""
         self._fields = self._memory.put(numbers)
 
-    def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
-        """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows."""
+    def begin_batch(
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+    ) -> None:
+        """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows.
+
+        At the first and then every `looks` steps it is looked how far apart bodies are.
+        """
         runtime.require(self._runtime)
         self._batch[words.STEP] = self._batch[words.STEP_VECTOR : words.STEP_VECTOR + 3] = step / self.units.time
         self._batch[words.GRAVITY : words.GRAVITY + 3] = gravity * step / self.units.speed
+        self._control[words.LOOKS] = looks
         self._control[words.COLLIDERS] = len(colliders)
         self._control[words.WINDS] = len(winds)
         self._control[words.DRIVES] = drives.shape[1]
@@ -234,6 +240,7 @@ class Cloud(SortedCloud):
         """
         runtime.require(self._runtime)
         self._memory.write(self._report, np.zeros(words.REPORT_WIDTH, dtype=np.int32))
+        self._control[words.FIRST_STEP] = first
         done = self._launch_by_phase(first, end) if self._memory.on_gpu else self._march(first, end)
         report = self._memory.get(self._report)
         return done, bool(report[words.DRIFTED]), bool(report[words.CLAMPED])
@@ -290,7 +297,9 @@ class Cloud(SortedCloud):
     def survey(self) -> Survey:
         """Look at every point."""
         runtime.require(self._runtime)
-        self._kernels.survey(self._x, self._points, self._labels, self._materials, self._put_control(), self._met, self._chart)
+        self._kernels.survey(
+            self._x, self._points, self._labels, self._materials, self._put_control(), self._met, self._chart
+        )
         return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def push(self, members: Array, change: Array) -> None:

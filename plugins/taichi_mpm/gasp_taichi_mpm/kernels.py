@@ -26,9 +26,7 @@ _PATIENCE = 20_000
 
 
 @cache
-def make_kernels(
-    double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bool, several: bool
-) -> SimpleNamespace:
+def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bool, several: bool) -> SimpleNamespace:
     """Kernels for one precision and set of materials; compiled at first use.
 
     Parameters

@@ -180,7 +180,7 @@ def _exchange(
         row1, row2 = _row_of(control, corner1, n), _row_of(control, corner2, n)
         g1, g2 = grid[row1], grid[row2]
         total = g1[3] + g2[3]
-        if scratch[row + _STATE] > 0 and total > 0:
+        if scratch[row + _STATE] > 0 and g1[3] >= 0 and g2[3] >= 0 and total > 0:
             gap = scratch[row + _GAP]
             normal = _kept(scratch, row + _BEST)
             closing = ti.Vector([g1[0] - g2[0], g1[1] - g2[1], g1[2] - g2[2]])
@@ -205,6 +205,21 @@ def _exchange(
                 g2[d] += g2[3] * impulse[d]
             grid[row1] = g1
             grid[row2] = g2
+
+
+@ti.func
+def _close_gaps(
+    grid: ti.template(), batch: ti.template(), control: ti.template(), met: ti.template(), scratch: ti.template(), pair
+):
+    """By as much as the bodies of a pair go towards each other."""
+    entry = control[words.PAIRS_AT] + 3 * pair
+    corner1, corner2 = _corner_of(met, control, met[entry]), _corner_of(met, control, met[entry + 1])
+    for n in range(_NODES):
+        row = control[words.SCRATCH_AT] + (pair * _NODES + n) * SCRATCH_WIDTH
+        g1, g2 = grid[_row_of(control, corner1, n)], grid[_row_of(control, corner2, n)]
+        if scratch[row + _STATE] > 0 and g1[3] >= 0 and g2[3] >= 0:
+            closing = ti.Vector([g1[0] - g2[0], g1[1] - g2[1], g1[2] - g2[2]])
+            scratch[row + _GAP] -= batch[words.STEP] * closing.dot(_kept(scratch, row + _BEST))
 
 
 def make_meet(least_mass: float) -> Callable[..., Any]:
@@ -260,12 +275,16 @@ def make_meet(least_mass: float) -> Callable[..., Any]:
         end_pair = met[control[words.PAIR_BEGINS_AT] + place + 1]
         if control[words.SEEDING] == 1:
             end_pair = first_pair
-        for pair in range(first_pair, end_pair):
-            _separate(x, points, labels, grid, materials, control, met, scratch, pair)
+        if drive_set == control[words.FIRST_STEP] or drive_set % control[words.LOOKS] == 0:
+            for pair in range(first_pair, end_pair):
+                _separate(x, points, labels, grid, materials, control, met, scratch, pair)
         for turn in range(2 * (end_pair - first_pair) - 1):
             # There and back again, the last one once.
             pair = ti.min(first_pair + turn, 2 * end_pair - 2 - first_pair - turn)
             _exchange(grid, batch, control, met, scratch, pair)
+        # Until the next look a gap changes as the bodies move.
+        for pair in range(first_pair, end_pair):
+            _close_gaps(grid, batch, control, met, scratch, pair)
 
         for m in range(first_member, end_member):
             corner = _corner_of(met, control, m)

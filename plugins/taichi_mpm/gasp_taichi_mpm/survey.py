@@ -33,11 +33,14 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
     watched = [words.VELOCITY, *(words.AFFINE + c for c in range(3)), *(words.DEFORMATION + c for c in range(3))]
 
     @ti.kernel
-    def survey(x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, met: Ints, result: Doubles):
+    def survey(
+        x: Positions, points: Points, labels: Ints, materials: Doubles, control: Ints, met: Ints, result: Doubles
+    ):
         """What the next step depends on, a row per chunk of points: maxima, extents, and what is not finite."""
         ti.loop_config(block_dim=1)
         for chunk in range((control[words.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
             stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
+            drift = ti.f64(0.0)
             bad, inverted = 0, 0
             begin = chunk * at.SURVEY_CHUNK
             low = ti.Vector([ti.f64(1e300), ti.f64(1e300), ti.f64(1e300)])
@@ -88,12 +91,16 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                     gradient = ti.max(gradient, C.norm_sqr())
                     if J <= 0:
                         inverted += 1
+                    for d in ti.static(range(3)):
+                        beyond = x[p][d] - 0.5 - labels[p * at.LABEL_WIDTH + at.HOME + d]
+                        drift = ti.max(drift, -beyond, beyond - 1.0)
                     low = ti.min(low, place)
                     high = ti.max(high, place)
             o = chunk * at.SURVEY_WIDTH
             result[o + at.SURVEY_STIFFNESS] = stiffness
             result[o + at.SURVEY_SPEED] = speed
             result[o + at.SURVEY_GRADIENT] = gradient
+            result[o + at.SURVEY_DRIFT] = drift
             result[o + at.SURVEY_BAD] = bad
             result[o + at.SURVEY_INVERTED] = inverted
             for d in ti.static(range(3)):

@@ -61,7 +61,11 @@ PLACES = 54
 """How many places have several."""
 SCRATCH_AT = 55
 """Where the scratch begins, behind the friction of the pairs."""
-CONTROL_WIDTH = 56
+LOOKS = 56
+"""Every so many steps it is looked how far apart bodies are,"""
+FIRST_STEP = 57
+"""and at the first since the host looked."""
+CONTROL_WIDTH = 58
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0

@@ -26,7 +26,7 @@ from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
 from gasp_warp_mpm.meeting import SCRATCH_WIDTH
 from gasp_warp_mpm.pool import LANES
-from gasp_warp_mpm.tables import CLAMPED, DRIFTED, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, FIRST_STEP, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
 
 __all__ = ["Cloud"]
 
@@ -225,7 +225,9 @@ class Cloud(SortedCloud):
         """Set the distance fields (M,) that rows of what acts name."""
         self._acting.fields = self._put(numbers, wp.float64)
 
-    def begin_batch(self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array) -> None:
+    def begin_batch(
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+    ) -> None:
         """Set what acts during the next steps.
 
         Parameters
@@ -237,9 +239,12 @@ class Cloud(SortedCloud):
             Rows.
         drives : (steps, K, `layout.DRIVE_WIDTH`)
             K rows for every step.
+        looks
+            At the first and then every so many steps it is looked how far apart bodies are.
         """
         self._tables.step = step / self.units.time
         acting = self._acting
+        acting.looks = looks
         acting.gravity = wp.vec3d(*(gravity * step / self.units.speed).tolist())
         acting.colliders, acting.winds, acting.drives = len(colliders), len(winds), drives.shape[1]
         rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
@@ -254,7 +259,7 @@ class Cloud(SortedCloud):
         held a node or a point back.
         """
         report = np.zeros(REPORT_WIDTH, dtype=np.int32)
-        report[NEXT_STEP] = first
+        report[[NEXT_STEP, FIRST_STEP]] = first
         self._tables.report.assign(report)
         if self._atomic:
             self._steps_by_phase(first, end)

@@ -80,7 +80,8 @@ def make_kernels(
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
     kind_names = "_".join(sorted(kind.replace("-", "_") for kind in kinds))
-    name = f"{'f64' if double else 'f32'}_{kind_names}{'_averaged' * averaged}{'_several' * several}{'_atomic' * atomic}{'_native' * native}"
+    traits = {"averaged": averaged, "several": several, "atomic": atomic, "native": native}
+    name = "_".join(["f64" if double else "f32", kind_names, *(trait for trait, has in traits.items() if has)])
     module = wp.get_module(f"gasp_warp_mpm_{name}")
     # Loops along the three axes are unrolled and no others: eight copies of a scatter take long to compile.
     # A product and a sum are one operation where the processor has it: Clang does not contract them unless it is told.

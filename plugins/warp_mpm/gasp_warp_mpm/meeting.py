@@ -16,7 +16,7 @@ from gasp_mpm_host import layout as at
 from gasp_core.stepping.mpm import BETTER_GAP, FOREMOST, FULL_PRESENCE, HELD_TOGETHER, TURN_BELOW, TURNS
 from gasp_warp_mpm.contact import acted, confined
 from gasp_warp_mpm.decompositions import algebra
-from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, FIRST_STEP, Acting, tables_of
 from gasp_warp_mpm.transfers import make_transfers
 
 __all__ = ["SCRATCH_WIDTH", "make_meeting"]
@@ -50,7 +50,7 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
     """The function meet; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
-    vec3, vec4, mat33 = types.vec3, types.vec4, types.mat33
+    vec3, vec4 = types.vec3, types.vec4
     Tables = tables_of(real)
     transfers = make_transfers(double, averaged, atomic=atomic, native=native)
     row9, material_row, weights, slopes = transfers.row9, transfers.material_row, transfers.weights, transfers.slopes
@@ -322,7 +322,7 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
                 share1 = wp.float64(g1[3])
                 share2 = wp.float64(g2[3])
                 gap = wp.float64(s.scratch[row + _GAP])
-                if share1 + share2 > wide_zero:
+                if share1 >= wide_zero and share2 >= wide_zero and share1 + share2 > wide_zero:
                     v1 = wp.vec3d(wp.float64(g1[0]), wp.float64(g1[1]), wp.float64(g1[2]))
                     v2 = wp.vec3d(wp.float64(g2[0]), wp.float64(g2[1]), wp.float64(g2[2]))
                     best = kept3(s, row + _BEST)
@@ -349,6 +349,20 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
                     v2 = v2 + share2 * impulse
                     s.grid[row1] = vec4(real(v1[0]), real(v1[1]), real(v1[2]), g1[3])
                     s.grid[row2] = vec4(real(v2[0]), real(v2[1]), real(v2[2]), g2[3])
+
+    @wp.func
+    def close_gaps(s: Tables, pair: int):
+        """By as much as the bodies of a pair go towards each other."""
+        first = corner_of(s, s.pairs[3 * pair])
+        second = corner_of(s, s.pairs[3 * pair + 1])
+        for n in range(_NODES):
+            row = (pair * _NODES + n) * SCRATCH_WIDTH
+            g1 = s.grid[node_row(s, first, n)]
+            g2 = s.grid[node_row(s, second, n)]
+            if s.scratch[row + _STATE] > zero and g1[3] >= zero and g2[3] >= zero:
+                closing = vec3(g1[0] - g2[0], g1[1] - g2[1], g1[2] - g2[2])
+                approach = wp.dot(closing, kept3(s, row + _BEST))
+                s.scratch[row + _GAP] = s.scratch[row + _GAP] - real(s.step) * approach
 
     @wp.func
     def begin_member(s: Tables, acting: Acting, drive_set: int, m: int):
@@ -395,14 +409,18 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
             begin_member(s, acting, drive_set, m)
         begin = s.pair_begins[place]
         end = s.pair_begins[place + 1]
+        # Between two looks a gap changes as the bodies move.
+        look = drive_set == s.report[FIRST_STEP] or drive_set % acting.looks == 0
         for pair in range(begin, end):
-            separate(s, pair)
+            if look:
+                separate(s, pair)
         for pair in range(begin, end):
             exchange(s, pair)
         for back in range(end - begin - 1):
             exchange(s, end - 2 - back)
+        for pair in range(begin, end):
+            close_gaps(s, pair)
         for m in range(s.places[place], s.places[place + 1]):
             end_member(s, acting, m)
 
-    _ = (mat33,)
     return SimpleNamespace(meet=meet)

@@ -20,7 +20,7 @@ def make_survey(double: bool, module: Any) -> Any:
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
     is_fluid, is_snow, first_hencky = at.KINDS["fluid"], at.KINDS["snow"], at.KINDS["metal"]
-    zero, one, two, three = (wp.float64(value) for value in (0.0, 1.0, 2.0, 3.0))
+    zero, half, one, two, three = (wp.float64(value) for value in (0.0, 0.5, 1.0, 2.0, 3.0))
     least_square, least_gap = wp.float64(1e-200), wp.float64(1e-9)
     greatest_exponent = wp.float64(200.0)
 
@@ -78,6 +78,7 @@ def make_survey(double: bool, module: Any) -> Any:
         stiffness = wp.float64(0.0)
         speed = wp.float64(0.0)
         gradient = wp.float64(0.0)
+        drift = wp.float64(0.0)
         bad = int(0)
         inverted = int(0)
         low = wp.vec3d(wp.float64(1e300))
@@ -102,6 +103,9 @@ def make_survey(double: bool, module: Any) -> Any:
                 gradient = wp.max(gradient, wp.ddot(C, C))
                 if J <= zero:
                     inverted += 1
+                for d in range(3):
+                    beyond = s.x[p][d] - half - wp.float64(s.labels[p * at.LABEL_WIDTH + at.HOME + d])
+                    drift = wp.max(drift, wp.max(-beyond, beyond - one))
                 low = wp.min(low, place)
                 high = wp.max(high, place)
             else:
@@ -110,6 +114,7 @@ def make_survey(double: bool, module: Any) -> Any:
         chart[o + at.SURVEY_STIFFNESS] = stiffness
         chart[o + at.SURVEY_SPEED] = speed
         chart[o + at.SURVEY_GRADIENT] = gradient
+        chart[o + at.SURVEY_DRIFT] = drift
         chart[o + at.SURVEY_BAD] = wp.float64(bad)
         chart[o + at.SURVEY_INVERTED] = wp.float64(inverted)
         for d in range(3):

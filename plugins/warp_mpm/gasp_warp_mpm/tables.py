@@ -11,7 +11,7 @@ import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
 
-__all__ = ["CLAMPED", "DRIFTED", "HALTED", "NEXT_STEP", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
+__all__ = ["CLAMPED", "DRIFTED", "FIRST_STEP", "HALTED", "NEXT_STEP", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
 
 # The report of some steps.
 DRIFTED = 0
@@ -21,7 +21,9 @@ HALTED = 3
 """Set after the step in which a point drifted: what is launched from then on does nothing."""
 NEXT_STEP = 4
 """Number of the batch's step to come, for kernels that are launched with the same arguments at every step."""
-REPORT_WIDTH = 5
+FIRST_STEP = 5
+"""Number of the first step since the host looked."""
+REPORT_WIDTH = 6
 
 
 @wp.struct
@@ -41,6 +43,8 @@ class Acting:
     """Rows of the colliders, the winds, the drives."""
     fields: wp.array(dtype=wp.float64)
     """Distances that rows name."""
+    looks: int
+    """Every so many steps it is looked how far apart bodies are."""
 
 
 @cache
