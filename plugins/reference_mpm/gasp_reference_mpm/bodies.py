@@ -13,7 +13,7 @@ filtering").
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,8 +55,10 @@ def met(
     pairs = _pairs(stencil.fields, grid.nodes)
     if not len(pairs.first):
         return velocities, separation
-    here = separation.at(keys_of(stencil, grid, pairs.first, pairs.second))
-    normals, gaps = here.normals, here.gaps
+    rows = separation.rows_of(keys_of(stencil, grid, pairs.first, pairs.second))
+    known = rows >= 0
+    normals, gaps = np.zeros((len(rows), 3)), np.full(len(rows), np.inf)
+    normals[known], gaps[known] = separation.normals[rows[known]], separation.gaps[rows[known]]
     velocities = velocities.copy()
     inverse_masses = np.where(held, 0.0, 1 / grid.mass)
     bodies = stencil.fields.bodies_of(grid.nodes)
@@ -72,7 +74,7 @@ def met(
             velocities[first] -= inverse_masses[first, None] * impulses
             velocities[second] += inverse_masses[second, None] * impulses
     approach = np.sum((velocities[pairs.first] - velocities[pairs.second]) * normals, axis=1)
-    return velocities, replace(here, gaps=gaps - step * approach)
+    return velocities, separation.closed(rows[known], step * approach[known])
 
 
 def looked(stencil: Stencil, grid: GridMomentum, reaches: Array, spacing: float) -> Separation:

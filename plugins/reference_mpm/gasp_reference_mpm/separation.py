@@ -41,14 +41,16 @@ class Separation:
     normals: Array
     gaps: Array
 
-    def at(self, keys: Array) -> Self:
-        """The same at other nodes: those that are not among these have an infinite gap."""
+    def rows_of(self, keys: Array) -> Array:
+        """Where nodes (K, 5) are among these, (K,); -1 for those that are not."""
         rows = {tuple(key): row for row, key in enumerate(self.keys.tolist())}
-        found = np.array([rows.get(tuple(key), -1) for key in keys.tolist()], dtype=np.int64)
-        known = found >= 0
-        normals, gaps = np.zeros((len(keys), 3)), np.full(len(keys), np.inf)
-        normals[known], gaps[known] = self.normals[found[known]], self.gaps[found[known]]
-        return replace(self, keys=keys, normals=normals, gaps=gaps)
+        return np.array([rows.get(tuple(key), -1) for key in keys.tolist()], dtype=np.int64)
+
+    def closed(self, rows: Array, ways: Array) -> Self:
+        """The same after the bodies have come nearer to each other by `ways` (K,) [m] at rows (K,)."""
+        gaps = self.gaps.copy()
+        gaps[rows] -= ways
+        return replace(self, gaps=gaps)
 
 
 def separated(
