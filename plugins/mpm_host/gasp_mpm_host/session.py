@@ -62,7 +62,7 @@ class SteppedCloud(Protocol):
         ...
 
     def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
     ) -> None:
         """Set what acts during the next steps of `step` [s]; `drives` holds (steps, K, width) rows.
 

@@ -50,9 +50,7 @@ def substep(
     velocities = blown(velocities, places, problem.force_fields, time, step)
     velocities, held = driven(velocities, places, problem.drives, time, spacing)
     if separation is None:
-        separation = looked(
-            stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing
-        )
+        separation = looked(stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing)
     velocities, separation = met(problem, stencil, grid, velocities, held, separation, spacing, step)
     velocities = collided(velocities, places, problem.colliders, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:

@@ -213,7 +213,7 @@ class Cloud(SortedCloud):
         self._fields = self._memory.put(numbers)
 
     def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
     ) -> None:
         """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows.
 

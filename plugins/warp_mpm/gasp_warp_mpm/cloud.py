@@ -226,7 +226,7 @@ class Cloud(SortedCloud):
         self._acting.fields = self._put(numbers, wp.float64)
 
     def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int
+        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
     ) -> None:
         """Set what acts during the next steps.
 

@@ -11,7 +11,17 @@ import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
 
-__all__ = ["CLAMPED", "DRIFTED", "FIRST_STEP", "HALTED", "NEXT_STEP", "REPORT_WIDTH", "STEPS_DONE", "Acting", "tables_of"]
+__all__ = [
+    "CLAMPED",
+    "DRIFTED",
+    "FIRST_STEP",
+    "HALTED",
+    "NEXT_STEP",
+    "REPORT_WIDTH",
+    "STEPS_DONE",
+    "Acting",
+    "tables_of",
+]
 
 # The report of some steps.
 DRIFTED = 0

@@ -92,7 +92,7 @@ def test_compiled_for_a_gpu_points_add_up_in_shared_memory(tmp_path, double, ave
     A point gives 27 nodes four numbers, or two of dilation, in the block's own memory. To the grid goes each node once.
     """
     runtime.device_for("cpu")
-    kernels = make_kernels(double, frozenset({"elastic"}), averaged, atomic=True, native=False)
+    kernels = make_kernels(double, frozenset({"elastic"}), averaged, averaged, atomic=True, native=False)
     [made] = wp.compile_aot_module(kernels.module, arch=75, module_dir=tmp_path, use_ptx=True)
     text = made.read_bytes().decode(errors="replace")
     bodies = {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gasp_core.contract import (
+    BodyContact,
     BoxShape,
     Collider,
     ContactCondition,
@@ -101,6 +102,44 @@ def _scene(kinds: tuple[str, ...]) -> PointProblem:
     )
 
 
+def _meeting() -> PointProblem:
+    """Three blocks that fall askew onto each other and a floor, so that all three share nodes, each pair its own way."""
+    side, per_axis = 0.2, 4
+    corners = ((0.0, 0.0, 0.01), (0.21, 0.0, 0.01), (0.09, 0.03, 0.22))
+    blocks = [Kit.block(side, per_axis, corner, seed=seed) for seed, corner in enumerate(corners)]
+    velocities = ((0.6, 0.2, -1.0), (-0.6, 0.0, -1.0), (0.3, -0.4, -2.5))
+    ids = np.repeat(np.arange(3), per_axis**3)
+    return Kit.problem(
+        np.concatenate(blocks),
+        (Kit.materials["elastic"], Kit.materials["neo-hookean"], Kit.materials["fluid"]),
+        ids=ids,
+        volumes=np.full(len(ids), (side / per_axis) ** 3),
+        velocity=np.array(velocities)[ids],
+        colliders=(_obstacles()[1],),
+        drives=(Pinned(region=BoxShape(center=(0, 0, 0.2), half_extents=(0.06, 0.06, 0.06)), start=0.02, end=0.05),),
+        body_contact=BodyContact(friction=0.3),
+        pair_contacts={
+            (0, 1): BodyContact(condition=ContactCondition.SLIP),
+            (1, 2): BodyContact(condition=ContactCondition.STICK),
+        },
+    )
+
+
+@cache
+def _answer_of_meeting() -> PointState:
+    session = _reference().open(
+        _meeting(),
+        device="cpu",
+        precision=Precision.FLOAT64,
+        seed=0,
+        accuracy=EngineAccuracy(spacing=_SPACING / 2, substep=_STEP),
+        options=None,
+    )
+    with session:
+        assert session.advance_to(_STEP * _STEPS).status is Status.OK
+        return session.read(Kit.everything)
+
+
 @cache
 def _reference() -> PointEngine:
     return open_engine(discover().offer("reference-mpm"))
@@ -171,6 +210,17 @@ class AgreementTests:
         assert moved > 0.05 * _SIDE  # the comparison is of something that happened
         if precision == "float64":
             assert np.abs(found.deformation_gradients - expected.deformation_gradients).max() <= 1e-8
+
+    @pytest.mark.parametrize("precision", ["float64", "float32"])
+    def test_500_steps_of_three_bodies_agree_with_the_reference(self, kit, reference, precision):
+        expected, problem = _answer_of_meeting(), _meeting()
+        with kit.open(problem, precision=precision, spacing=_SPACING / 2, substep=_STEP, threads=2) as session:
+            assert session.advance_to(_STEP * _STEPS).status is Status.OK
+            found = session.read(kit.everything)
+        assert np.abs(found.positions - expected.positions).max() / _SIDE <= _TOLERANCE[precision]
+        # Where each would be had it met nobody.
+        free = problem.points.reference_positions + _STEP * _STEPS * problem.points.initial_velocities
+        assert np.abs(found.positions - free)[:, :2].max() > 0.05 * _SIDE
 
     def test_chosen_substeps_agree_with_the_reference(self, kit, reference):
         """The two engines look at the same points and choose the same steps."""
