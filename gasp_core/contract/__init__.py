@@ -14,6 +14,7 @@ from gasp_core.contract.descriptor import CONTRACT_VERSION, EngineCapabilities, 
 from gasp_core.contract.distance_field import SignedDistanceField
 from gasp_core.contract.fields import Determinism, Field, Precision, Quantity, device_class, device_index
 from gasp_core.contract.forcing import (
+    DEFAULT_BODY_CONTACT,
     BodyContact,
     Collider,
     ContactCondition,
@@ -50,6 +51,7 @@ __all__ = [
     "BoxShape",
     "CONTRACT_VERSION",
     "Collider",
+    "DEFAULT_BODY_CONTACT",
     "ContactCondition",
     "Determinism",
     "Domain",

@@ -10,6 +10,7 @@ import numpy as np
 
 from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
 from gasp_core.contract.fields import Field, Precision
+from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT
 from gasp_core.contract.materials import Material
 from gasp_core.contract.points import PointProblem
 from gasp_core.contract.shapes import Shape
@@ -74,6 +75,7 @@ def needs(
         asked.append(Need(f'knows no force field "{force.kind}" (force field {number})', "force_fields", type(force)))
         if force.region is not None:
             asked.append(_region_need(force.region, f"force field {number}"))
+    asked += _contact_needs(problem, body_names)
     if problem.domain is not None:
         policy = problem.domain.policy
         asked.append(Need(f'knows no domain policy "{policy.value}"', "domain_policies", policy))
@@ -90,6 +92,21 @@ def needs(
         asked.append(Need(f'does not run on device "{device}"', "devices", device))
     if precision is not None:
         asked.append(Need(f"does not compute in {precision.value}", "precisions", precision))
+    return asked
+
+
+def _contact_needs(problem: PointProblem, body_names: Sequence[str]) -> list[Need]:
+    """Of how bodies meet. Of one body, or where nothing else than the default is said, there are none."""
+    asked: list[Need] = []
+    default = problem.body_contact
+    if default != DEFAULT_BODY_CONTACT and problem.points.body_ids.any():
+        asked.append(Need(f'knows no contact "{default.contact.value}" of bodies', "body_contacts", default.contact))
+    for (low, high), contact in problem.pair_contacts.items():
+        names = [f'"{body_names[body]}"' if body < len(body_names) else f"body {body}" for body in (low, high)]
+        where = f"{names[0]} and {names[1]}"
+        asked.append(Need(f'knows no contact "{contact.contact.value}" of {where}', "body_contacts", contact.contact))
+        if contact != default:
+            asked.append(Need(f"has one contact for all bodies, none of {where} alone", "pair_contacts"))
     return asked
 
 

@@ -19,7 +19,7 @@ __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "Engine
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 2)
+CONTRACT_VERSION = (1, 3)
 """Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
 
 A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says
@@ -33,6 +33,10 @@ class EngineCapabilities:
 
     Parameters
     ----------
+    body_contacts
+        What may happen where two bodies touch, with friction where they separate; one for all pairs.
+    pair_contacts
+        Whether every pair of bodies may have a contact of its own.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -75,6 +79,8 @@ class EngineCapabilities:
     iterates: bool = False
     carries_tracers: bool = False
     checkpoints: bool = False
+    body_contacts: frozenset[ContactCondition] = frozenset()
+    pair_contacts: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

@@ -12,6 +12,7 @@ from gasp_core.contract.validation import finite, finite_vector
 from gasp_core.errors import SceneError
 
 __all__ = [
+    "DEFAULT_BODY_CONTACT",
     "BodyContact",
     "Collider",
     "ContactCondition",
@@ -88,27 +89,22 @@ class Collider:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyContact:
-    """What happens where two bodies touch.
+    """What happens where two bodies touch; a body does not touch itself: its parts hold together where they meet.
 
     Parameters
     ----------
-    condition
+    contact
         `ContactCondition.STICK`: they have one velocity. `SLIP`: one along the normal, each its own across it.
         `SEPARATE`: neither moves into the other, both are free to leave, Coulomb friction across the normal.
     friction
         Coulomb's coefficient, >= 0; only `ContactCondition.SEPARATE` may have one > 0.
     """
 
-    condition: ContactCondition = ContactCondition.SEPARATE
+    contact: ContactCondition = ContactCondition.SEPARATE
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        finite(self, "friction", low=0.0)
-        if self.friction > 0 and self.condition is not ContactCondition.SEPARATE:
-            raise SceneError(
-                f'BodyContact.friction {self.friction:g} has no meaning with "{self.condition.value}":'
-                ' use "separate", or friction 0'
-            )
+        check_friction(self)
 
 
 def check_friction(owner: Any) -> None:
@@ -119,6 +115,10 @@ def check_friction(owner: Any) -> None:
             f'{type(owner).__name__}.friction {owner.friction:g} has no meaning with contact "{owner.contact.value}":'
             ' use contact "separate", or friction 0'
         )
+
+
+DEFAULT_BODY_CONTACT = BodyContact(friction=0.3)
+"""What holds where nothing else is said: bodies part and slide on each other, as dry wood on wood does."""
 
 
 def _check_window(owner: Drive | ForceField) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract.forcing import BodyContact, Collider, Domain, Drive, ForceField
+from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT, BodyContact, Collider, Domain, Drive, ForceField
 from gasp_core.contract.materials import Material
 from gasp_core.contract.validation import finite_vector, frozen_array
 from gasp_core.errors import SceneError
@@ -97,8 +97,9 @@ class PointProblem:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
     """None: no edge, as with `DomainPolicy.EXPAND`."""
-    body_contact: BodyContact = field(default_factory=BodyContact)
-    """How bodies meet that have no contact of their own in `pair_contacts`."""
+    body_contact: BodyContact = DEFAULT_BODY_CONTACT
+    """How bodies meet that have no contact of their own in `pair_contacts`. The default asks nothing of an engine: one
+    that declares no `EngineCapabilities.body_contacts` lets them meet in its own way."""
     pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
     """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""
     hints: tuple[object, ...] = ()
@@ -113,6 +114,12 @@ class PointProblem:
                 f"PointCloud.material_ids must be rows of the {len(self.materials)} materials,"
                 f" found {int(ids.min())}..{int(ids.max())}"
             )
+        bodies = int(self.points.body_ids.max()) + 1
+        for low, high in self.pair_contacts:
+            if not 0 <= low < high < bodies:
+                raise SceneError(
+                    f"PointProblem.pair_contacts: ({low}, {high}) must be two of the {bodies} bodies, the lower first"
+                )
         for name, column in self.points.material_columns.items():
             _check_column(name, column, ids, self.materials)
 

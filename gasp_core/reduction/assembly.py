@@ -23,6 +23,7 @@ from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.surfaces import colliders_of, rigid_surfaces
 from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.reduction.volume import sample_volume
+from gasp_core.scene.body_contacts import default_contact, pair_contacts
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.selection import PlacedObject
@@ -221,6 +222,8 @@ def assemble(
     problem = PointProblem(
         points=PointCloud(**joined),
         materials=tuple(materials),
+        body_contact=default_contact(scene.contacts),
+        pair_contacts=pair_contacts(scene.contacts, [body.name for body in bodies]),
         colliders=tuple(colliders.values()),
         # Behind those of the scene: of two that hold one place the later wins, and what is pinned stands still.
         drives=(*scene.drives, *pins.values()),

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import (
+    ContactCondition,
     Domain,
     Drive,
     Driven,
@@ -22,6 +23,7 @@ from gasp_core.contract import (
 from gasp_core.errors import SceneError
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.columns import Column
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
@@ -43,7 +45,10 @@ _LONGEST_SCENE = 1 << 20
 _DEEPEST = 64
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
 """Python's reader of TOML takes time with the square of a key's parts."""
-_TOP = ("scene", "object", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording", "camera")
+_TOP = (
+    "scene", "object", "contact", "collider", "drive", "wind", "domain", "engine", "accuracy", "maps", "recording",
+    "camera",
+)  # fmt: skip
 _OBJECT = (
     "name", "splat", "material", "part", "static", "up", "height", "metres_per_unit", "position", "rotation",
     "velocity", "angular_velocity", "reduction", "solid", "min_opacity", "region", "floaters", "vertices", "motion",
@@ -223,6 +228,7 @@ def _read(top: Table, folder: Path | None) -> Scene:
             "frame_rate": head.number("frame_rate"),
             "gravity": head.vector("gravity", (0.0, 0.0, -9.81)),
             "objects": tuple(objects),
+            "contacts": tuple(_read_rule(table) for table in top.tables("contact")),
             "colliders": tuple(read_collider(table, folder) for table in top.tables("collider")),
             "drives": tuple(_read_drive(table) for table in top.tables("drive")),
             "force_fields": tuple(_read_wind(table) for table in top.tables("wind")),
@@ -300,6 +306,25 @@ def _read_drive(table: Table) -> Drive:
     kind = table.choice("kind", _DRIVES)
     table.required("region", 'a table such as { shape = "box", center = [0, 0, 0], half_extents = [1, 1, 1] }')
     return table.build(kind, tag="kind", region=read_shape(table.table("region")))
+
+
+def _read_rule(table: Table) -> ContactRule:
+    table.only("between", "contact", "friction")
+    between: object = table.values.get("between")
+    if between is not None and not (
+        isinstance(between, list)
+        and len(cast("list[object]", between)) == 2
+        and all(isinstance(name, str) for name in cast("list[object]", between))
+    ):
+        table.fail("between", f'must be the names of two objects, e.g. ["bucket", "sand"], found {kind_of(between)}')
+    return table.make(
+        ContactRule,
+        {
+            "between": None if between is None else tuple(cast("list[str]", between)),
+            "contact": table.choice("contact", {way.value: way for way in ContactCondition}, "separate"),
+            "friction": table.number("friction", 0.0),
+        },
+    )
 
 
 def _read_wind(table: Table) -> Wind:

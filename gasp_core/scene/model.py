@@ -16,6 +16,7 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
+from gasp_core.scene.body_contacts import ContactRule, check_rules
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 
@@ -36,6 +37,8 @@ class Scene:
         At least one, of different names.
     gravity
         [m/s^2].
+    contacts
+        How objects meet; those that no rule names part and slide on each other.
     colliders, drives, force_fields, domain
         What acts on the matter.
     engine, accuracy, maps, recording
@@ -53,6 +56,7 @@ class Scene:
     frame_rate: float
     objects: tuple[SplatObject, ...]
     gravity: Vector = (0.0, 0.0, -9.81)
+    contacts: tuple[ContactRule, ...] = ()
     colliders: tuple[Collider, ...] = ()
     drives: tuple[Drive, ...] = ()
     force_fields: tuple[ForceField, ...] = ()
@@ -67,7 +71,7 @@ class Scene:
         finite(self, "duration", low=0.0, open_low=True)
         finite(self, "frame_rate", low=0.0, open_low=True)
         finite_vector(self, "gravity")
-        for name in ("objects", "colliders", "drives", "force_fields"):
+        for name in ("objects", "contacts", "colliders", "drives", "force_fields"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.objects:
             raise SceneError("Scene.objects is empty: a scene needs at least one object")
@@ -76,6 +80,11 @@ class Scene:
             if item.name in seen:
                 raise SceneError(f'Scene.objects has two objects named "{item.name}": give each a name of its own')
             seen.add(item.name)
+        check_rules(
+            self.contacts,
+            [item.name for item in self.objects],
+            [item.name for item in self.objects if item.static],
+        )
         if self.camera is not None and self.camera.object is not None and self.camera.object not in seen:
             raise SceneError(
                 f'Scene.camera is in the frame of the object "{self.camera.object}", which the scene does not have'

@@ -55,6 +55,8 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     lines = ["[scene]", *_entries(head)]
     for item in scene.objects:
         lines += ["", "[[object]]", *_entries(_object(item, beside))]
+    for rule in scene.contacts:
+        lines += ["", "[[contact]]", *_entries(_fields(rule))]
     for collider in scene.colliders:
         lines += ["", "[[collider]]", *_entries(_collider(collider, beside))]
     for drive in scene.drives:

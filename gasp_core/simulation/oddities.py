@@ -6,12 +6,20 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gasp_core.contract import Collider, Drive, ForceField, PointProblem, Side, SignedDistanceField
+from gasp_core.contract import (
+    Collider,
+    Drive,
+    EngineDescriptor,
+    ForceField,
+    PointProblem,
+    Side,
+    SignedDistanceField,
+)
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.scene.objects import laws_of
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["oddities"]
+__all__ = ["oddities", "own_contact"]
 
 _LIGHTEST, _HEAVIEST = 5.0, 25_000.0
 """[kg/m^3]: of the lightest foam, and beyond osmium."""
@@ -38,6 +46,16 @@ def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[st
         yield from _of_region(f"{name} ({drive.kind})", drive, problem)
     for number, wind in enumerate(problem.force_fields, start=1):
         yield from _of_region(f"wind {number}", wind, problem)
+
+
+def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
+    """A sentence where there are several bodies and the engine does not say how they meet."""
+    if not problem.points.body_ids.any() or engine.capabilities.body_contacts:
+        return []
+    return [
+        f"objects that touch do what {engine.name} makes of it, it declares no contact between bodies (held together,"
+        " or apart with a friction of its own): its page in docs/ says which, `gasp engines` who declares one"
+    ]
 
 
 def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]:

@@ -22,7 +22,7 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import motion_table, scene_to_toml
 from gasp_core.simulation.engine_choice import ChosenEngine, distribution_version
 from gasp_core.simulation.initial_overlap import starts_inside
-from gasp_core.simulation.oddities import oddities
+from gasp_core.simulation.oddities import oddities, own_contact
 from gasp_core.simulation.splat_sources import Prepared
 
 __all__ = ["header_of"]
@@ -61,6 +61,7 @@ def header_of(
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
     notes += oddities(prepared.objects, assembly)
+    notes += own_contact(assembly.problem, chosen.descriptor)
     inside = starts_inside(assembly.problem, assembly.spacing, assembly.colliders)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
     return Header(

@@ -60,6 +60,8 @@ def mpm_descriptor(
             collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
             region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
             contact_conditions=frozenset(ContactCondition),
+            body_contacts=frozenset(ContactCondition),
+            pair_contacts=True,
             drives=frozenset({Pinned, Driven, Impulse}),
             force_fields=frozenset({Wind}),
             output_fields=frozenset(Field),

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gasp_core.contract import (
+    DEFAULT_BODY_CONTACT,
+    BodyContact,
     BoxShape,
     Collider,
     ContactCondition,
@@ -44,6 +47,8 @@ EVERYTHING = EngineCapabilities(
     materials=frozenset({Elastic, Sand, Fluid}),
     collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
     contact_conditions=frozenset(ContactCondition),
+    body_contacts=frozenset(ContactCondition),
+    pair_contacts=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -94,6 +99,8 @@ FULL = problem(
     drives=(Pinned(region=BOX), Impulse(region=BOX)),
     force_fields=(Wind(velocity=(1, 0, 0), region=FLOOR),),
     domain=Domain(lower=(0, 0, 0), upper=(1, 1, 1), policy=DomainPolicy.CLAMP),
+    body_contact=BodyContact(friction=0.7),
+    pair_contacts={(0, 1): BodyContact(contact=ContactCondition.STICK)},
 )
 ASKED = {
     "device": "cuda",
@@ -111,6 +118,9 @@ LESS = {
     'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},
     "knows no plane as a region (force field 1)": {"region_shapes": frozenset({BoxShape})},
     "has no density that varies from point to point": {"material_columns": frozenset()},
+    'knows no contact "separate" of bodies': {"body_contacts": frozenset({ContactCondition.STICK})},
+    'knows no contact "stick" of "bear" and "bucket"': {"body_contacts": frozenset({ContactCondition.SEPARATE})},
+    'has one contact for all bodies, none of "bear" and "bucket" alone': {"pair_contacts": False},
     'knows no domain policy "clamp"': {"domain_policies": frozenset({DomainPolicy.EXPAND})},
     "carries no tracers": {"carries_tracers": False},
     "cannot report deformation_gradients": {"output_fields": frozenset({Field.VELOCITIES})},
@@ -131,6 +141,20 @@ def test_each_capability_that_is_missing_is_refused(refusal):
         check_supported(FULL, weak, **ASKED, others=[weak, strong])
     assert str(caught.value).startswith(f"black-box {refusal}")
     assert "engines that do: strong" in str(caught.value)
+
+
+def test_what_is_said_of_one_body_or_as_a_default_asks_nothing_of_an_engine():
+    deaf = engine(body_contacts=frozenset(), pair_contacts=False)
+    lone = problem(body_ids=(0, 0), body_contact=BodyContact(friction=0.7))
+    check_supported(lone, deaf)
+    check_supported(problem(), deaf)
+    check_supported(problem(pair_contacts={(0, 1): DEFAULT_BODY_CONTACT}), engine(pair_contacts=False))
+
+
+@pytest.mark.parametrize("pair", [(1, 0), (0, 0), (0, 2), (-1, 1)])
+def test_a_contact_of_no_pair_is_refused(pair):
+    with pytest.raises(SceneError, match=re.escape(f"pair_contacts: ({pair[0]}, {pair[1]}) must be two of the 2 bod")):
+        problem(pair_contacts={pair: BodyContact()})
 
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
@@ -199,7 +223,10 @@ def test_all_that_is_missing_is_said_in_one_line():
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sets(st.sampled_from(sorted(LESS))))
 def test_exactly_the_missing_is_unmet(missing):
-    less = {name: value for refusal in missing for name, value in LESS[refusal].items()}
+    less = {}
+    for refusal in missing:
+        for name, value in LESS[refusal].items():
+            less[name] = less.get(name, value) & value if isinstance(value, frozenset) else value
     told = unmet(needs(FULL, **ASKED), engine(**less).capabilities)
     assert len(told) == len(missing)
     assert all(any(need.refusal.startswith(refusal) for refusal in missing) for need in told)

@@ -110,7 +110,7 @@ def parted(keys):
 
 
 REFUSED = {
-    "unknown top key": ("gravty = 3\n" + DESIGN, ["gravty", "unknown key", "collider, domain"]),
+    "unknown top key": ("gravty = 3\n" + DESIGN, ["gravty", "unknown key", "contact, domain"]),
     "unknown key": (DESIGN.replace("height = 0.4", "heigth = 0.4"), ["object[0].heigth", 'did you mean "height"']),
     "unknown material key": (DESIGN.replace("density = 400", "densty = 400"), ["object[0].material.densty", "density"]),
     "wrong type": (DESIGN.replace("duration = 2.0", 'duration = "long"'), ["scene.duration", "a number", "long"]),

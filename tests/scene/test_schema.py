@@ -26,6 +26,7 @@ from gasp_core.contract import (
 from gasp_core.errors import SceneError
 from gasp_core.recording.layout import BodyEntry, Commit, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.migrations import VERSION
+from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.columns import PlyProperty
 from gasp_core.scene.digest import scene_digest, what_differs
 from gasp_core.scene.loading import read_scene, read_stored_scene
@@ -49,7 +50,7 @@ def numbered(text, number):
 SCENE_CLASSES = (
     Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice,
     RecordingChoice, CameraChoice, EngineAccuracy,
-    HalfSpace, BoxShape, SphereShape, Collider, Domain, Pinned, Driven, Impulse, Wind,
+    HalfSpace, BoxShape, SphereShape, ContactRule, Collider, Domain, Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),
 )  # fmt: skip
 RECORDING_CLASSES = (Header, ObjectEntry, BodyEntry, EngineRecord, Commit)

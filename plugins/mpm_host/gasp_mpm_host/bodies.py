@@ -175,7 +175,7 @@ def meetings(
         members=members.astype(np.int32),
         places=np.append(starts, len(members)).astype(np.int32),
         pairs=np.array(
-            [(*pair, _CONDITIONS[contact.condition]) for pair, contact in zip(pairs, contacts)], dtype=np.int32
+            [(*pair, _CONDITIONS[contact.contact]) for pair, contact in zip(pairs, contacts)], dtype=np.int32
         ),
         friction=np.array([contact.friction for contact in contacts]),
         pair_begins=np.concatenate([[0], np.cumsum(sizes * (sizes - 1) // 2)]).astype(np.int32),

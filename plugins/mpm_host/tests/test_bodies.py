@@ -72,7 +72,7 @@ def test_a_body_that_flies_away_takes_no_empty_grid_with_it():
     stands = stands_for(home, bodies, np.zeros((2, 3), dtype=np.int64))
     home[1] = (5, 0, 10_000_000)
     cells = home + stands_for(home, bodies, stands)[bodies]
-    lower, shape = grid_box(cells.min(axis=0), cells.max(axis=0), 2**40)
+    _, shape = grid_box(cells.min(axis=0), cells.max(axis=0), 2**40)
     assert shape.prod() < 10_000
 
 
@@ -114,7 +114,7 @@ def test_a_member_knows_every_point_that_may_reach_it(home, bodies):
 def test_pairs_meet_as_the_problem_says(bodies, condition, friction):
     contacts = {
         "body_contact": BodyContact(friction=0.3),
-        "pair_contacts": {(0, 1): BodyContact(condition=ContactCondition.STICK)},
+        "pair_contacts": {(0, 1): BodyContact(contact=ContactCondition.STICK)},
     }
     *_, met = arranged(np.zeros((2, 3), dtype=np.int32), np.array(bodies), **contacts)
     assert set(met.pairs[:, 2]) == {condition}

@@ -6,9 +6,9 @@ propagation in granular material"). They exchange opposite impulses at one place
 across it; so linear and angular momentum of the pair are kept to rounding, and energy does not rise.
 
 Sharing a node says little about touching: bodies do so across a gap of two cells. How far apart their surfaces are is
-asked of the points around the node now and then, `gasp_reference_mpm.separation`, as in Nairn, Hammerquist and Smith 2020 ("New
-material point method contact algorithms for improved accuracy, large-deformation problems, and proper null space
-filtering").
+asked of the points around the node now and then, `gasp_reference_mpm.separation`, as in Nairn, Hammerquist and Smith
+2020 ("New material point method contact algorithms for improved accuracy, large-deformation problems, and proper null
+space filtering").
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _pairs(fields: NodeFields, nodes: Array) -> _Pairs:
     coordinates = fields.coordinates(nodes)
     key = np.ravel_multi_index(tuple((coordinates - coordinates.min(axis=0)).T), tuple(np.ptp(coordinates, axis=0) + 1))
     order: Array = np.argsort(key, kind="stable")  # rows of one node stay in the order of their bodies
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    starts = np.flatnonzero(np.diff(np.asarray(key)[order], prepend=-1))
     counts = np.diff(starts, append=len(order))
     most = int(counts.max())
     first, second, forth, back = [nothing], [nothing], list[Array](), list[Array]()
@@ -134,7 +134,7 @@ def _taken(contact: BodyContact, closing: Array, normals: Array, gaps: Array, sp
     approach = np.sum(closing * normals, axis=1, keepdims=True)
     across = closing - approach * normals
     touching = (gaps <= HELD_TOGETHER * spacing)[:, None]
-    match contact.condition:
+    match contact.contact:
         case ContactCondition.STICK:
             return np.where(touching, closing, 0.0)
         case ContactCondition.SLIP:

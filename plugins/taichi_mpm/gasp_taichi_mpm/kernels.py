@@ -124,7 +124,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                         rank = share - control[words.PLACES]
                         begin = ti.max(rank, 0) * words.BLOCKS_A_TICKET
                         end = ti.min(begin + words.BLOCKS_A_TICKET, control[words.APART])
-                        if ti.static(several):
+                        if ti.static(several):  # noqa: SIM102 - it is known when this is compiled
                             if rank < 0:
                                 end = begin
                                 meet(

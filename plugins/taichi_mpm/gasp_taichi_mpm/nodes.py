@@ -14,6 +14,7 @@ _node4 = ti.types.vector(4, ti.f64)
 
 @ti.func
 def block_corner(control: ti.template(), block):
+    """Place of a block's first node, from the grid's own first node."""
     by = control[words.SHAPE + 1] // 4
     bz = control[words.SHAPE + 2] // 4
     return ti.Vector([block // (by * bz), block // bz % by, block % bz]) * 4

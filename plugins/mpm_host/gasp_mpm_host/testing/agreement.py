@@ -103,7 +103,7 @@ def _scene(kinds: tuple[str, ...]) -> PointProblem:
 
 
 def _meeting() -> PointProblem:
-    """Three blocks that fall askew onto each other and a floor, so that all three share nodes, each pair its own way."""
+    """Three blocks that fall askew onto each other and a floor: all share nodes, each pair meets in its own way."""
     side, per_axis = 0.2, 4
     corners = ((0.0, 0.0, 0.01), (0.21, 0.0, 0.01), (0.09, 0.03, 0.22))
     blocks = [Kit.block(side, per_axis, corner, seed=seed) for seed, corner in enumerate(corners)]
@@ -119,8 +119,8 @@ def _meeting() -> PointProblem:
         drives=(Pinned(region=BoxShape(center=(0, 0, 0.2), half_extents=(0.06, 0.06, 0.06)), start=0.02, end=0.05),),
         body_contact=BodyContact(friction=0.3),
         pair_contacts={
-            (0, 1): BodyContact(condition=ContactCondition.SLIP),
-            (1, 2): BodyContact(condition=ContactCondition.STICK),
+            (0, 1): BodyContact(contact=ContactCondition.SLIP),
+            (1, 2): BodyContact(contact=ContactCondition.STICK),
         },
     )
 
