@@ -28,7 +28,8 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
     kinds: list[tuple[str, Iterable[object]]] = [
         ("material", can.materials),
         ("collider", can.collider_shapes),
-        ("contact", can.contact_conditions),
+        ("walls", can.contact_conditions),
+        ("bodies", can.body_contacts),
         ("drive", can.drives),
         ("force-field", can.force_fields),
         ("field", (field for field in can.output_fields if field is not Field.POSITIONS)),
@@ -40,7 +41,12 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         ("material-column", can.material_columns),
     ]
     names = [f"{kind}:{word}" for kind, items in kinds for word in sorted(_word(item) for item in items)]
-    flags = {"checkpoints": can.checkpoints, "tracers": can.carries_tracers, "device-indices": can.device_indices}
+    flags = {
+        "pair-contacts": can.pair_contacts,
+        "checkpoints": can.checkpoints,
+        "tracers": can.carries_tracers,
+        "device-indices": can.device_indices,
+    }
     return names + [name for name, has in flags.items() if has]
 
 

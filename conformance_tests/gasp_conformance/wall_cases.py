@@ -29,7 +29,7 @@ from gasp_core.contract import (
     SphereShape,
 )
 
-__all__ = ["Impact", "Slope", "impacts", "on_slope", "stiff_material"]
+__all__ = ["Impact", "Slope", "floor_of", "impacts", "on_slope", "stiff_material"]
 
 Array = NDArray[Any]
 AnyShape = HalfSpace | BoxShape | SphereShape
@@ -224,7 +224,7 @@ def on_slope(
     block = box_of_points((0.37, 0.21, 0.0), (_CELLS, _CELLS, _CELLS), _SPACING)
     across = GRAVITY * math.cos(tilt) * (1 if ceiling else -1)
     material = stiff_material(subject)
-    floor = sampled(HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))) if field else _floor(subject)
+    floor = sampled(HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))) if field else floor_of(subject)
     problem = PointProblem(
         points=cloud_of([block], [[speed, 0.0, 0.0]], _SPACING),
         materials=(material,),
@@ -245,7 +245,7 @@ def on_slope(
     )
 
 
-def _floor(subject: Subject) -> AnyShape:
+def floor_of(subject: Subject) -> AnyShape:
     """Something flat whose upper face is z = 0."""
     if HalfSpace in subject.descriptor.capabilities.collider_shapes:
         return HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))

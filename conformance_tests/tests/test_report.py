@@ -189,7 +189,7 @@ def test_every_declaration_has_the_name_of_its_check() -> None:
         "material:elastic",
         "material:sand",
         "collider:plane",
-        "contact:stick",
+        "walls:stick",
         "drive:impulse",
         "force-field:wind",
         "field:velocities",

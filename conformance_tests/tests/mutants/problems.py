@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gasp_core.contract import (
+    BodyContact,
     BoxShape,
     Collider,
     ContactCondition,
@@ -235,7 +236,7 @@ def _with_contacts(problem: PointProblem, asked: ContactCondition, done: Contact
     return _with_colliders(problem, lambda one: replace(one, contact=done) if one.contact is asked else one)
 
 
-@mutant("friction-ignored", {"contact:separate": "way - Coulomb's"})
+@mutant("friction-ignored", {"walls:separate": "way - Coulomb's"})
 class FrictionIgnored(Mutant):
     """Every floor is ice."""
 
@@ -243,7 +244,7 @@ class FrictionIgnored(Mutant):
         return _with_colliders(problem, lambda one: replace(one, friction=0.0))
 
 
-@mutant("stick-slips", {"contact:stick": "way on a slope / free"})
+@mutant("stick-slips", {"walls:stick": "way on a slope / free"})
 class StickSlips(Mutant):
     """What should stick only slips."""
 
@@ -251,12 +252,66 @@ class StickSlips(Mutant):
         return _with_contacts(problem, ContactCondition.STICK, ContactCondition.SLIP)
 
 
-@mutant("slip-lets-go", {"contact:slip": "way off it / free"})
+@mutant("slip-lets-go", {"walls:slip": "way off it / free"})
 class SlipLetsGo(Mutant):
     """What should slip along a wall can leave it."""
 
     def problem(self, problem: PointProblem) -> PointProblem:
         return _with_contacts(problem, ContactCondition.SLIP, ContactCondition.SEPARATE)
+
+
+def _with_body_contact(problem: PointProblem, contact: BodyContact) -> PointProblem:
+    return replace(problem, body_contact=contact, pair_contacts={})
+
+
+@mutant(
+    "welded-bodies",
+    {
+        "bodies:separate[slide][0.5]": "deceleration / mu g - 1",
+        "bodies:separate[part]": "way / free - 1",
+        "bodies:slip": "slip along: way",
+    },
+    slow=["bodies:separate[slide][0.5]"],
+)
+class WeldedBodies(Mutant):
+    """Bodies that touch are one, as on a grid with one velocity for all."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_body_contact(problem, BodyContact(contact=ContactCondition.STICK))
+
+
+@mutant("icy-bodies", {"bodies:separate[slide][0.3]": "deceleration / mu g - 1"}, slow=["bodies:separate[slide][0.3]"])
+class IcyBodies(Mutant):
+    """Bodies rub at nothing."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_body_contact(problem, BodyContact())
+
+
+@mutant("bodies-always-part", {"bodies:slip": "pulled off: apart", "bodies:stick": "pulled along .*: apart"})
+class BodiesAlwaysPart(Mutant):
+    """What should hold bodies together lets them go."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_body_contact(problem, BodyContact(friction=problem.body_contact.friction))
+
+
+@mutant("one-contact-for-all", {"pair-contacts": "deceleration / mu g"}, slow=["pair-contacts"])
+class OneContactForAll(Mutant):
+    """What a pair has of its own is not heard."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, pair_contacts={})
+
+
+@mutant("fat-bodies", {"bodies:separate[part]": "way / free - 1"})
+class FatBodies(Mutant):
+    """Bodies reach farther than their matter: they touch what they only pass."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        points = replace(problem.points, reference_volumes=27 * problem.points.reference_volumes)
+        lighter = with_materials(problem, lambda one: replace(one, density=one.density / 27))
+        return replace(lighter, points=points)
 
 
 @mutant(
