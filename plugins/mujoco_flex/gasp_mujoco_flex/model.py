@@ -106,9 +106,10 @@ def build_model(
     spec = mujoco.MjSpec()
     _set_options(spec, problem, units, sum(len(cage.masses) for cage in cages))
     crowded = _overlap(cages, bodies)
+    friction = problem.body_contact.friction if options.body_friction is None else options.body_friction
     contact = {
-        "condim": 3 if options.body_friction > 0 else 1,
-        "friction": [options.body_friction, 0.0, 0.0],
+        "condim": 3 if friction > 0 else 1,
+        "friction": [friction, 0.0, 0.0],
         "solref": _FIRM,
         "solimp": _RESTRAINED if crowded else _IMPEDANCE,
     }

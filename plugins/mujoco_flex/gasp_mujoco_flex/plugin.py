@@ -52,7 +52,7 @@ class MujocoOptions:
     self_collision
         Whether a soft body can touch itself.
     body_friction
-        Coulomb's coefficient between bodies, >= 0; colliders have their own.
+        Coulomb's coefficient between bodies, >= 0, instead of the scene's; None: the scene's.
     damping
         Rayleigh's stiffness-proportional damping of soft bodies [s], >= 0.
     """
@@ -62,7 +62,7 @@ class MujocoOptions:
     elements: Literal["hexahedra", "tetrahedra"] = "hexahedra"
     filled: bool = True
     self_collision: bool = False
-    body_friction: float = 0.5
+    body_friction: float | None = None
     damping: float = 0.0
 
     def __post_init__(self) -> None:
@@ -75,7 +75,8 @@ class MujocoOptions:
         for name in ("filled", "self_collision"):
             if type(getattr(self, name)) is not bool:
                 raise SceneError(f"MujocoOptions.{name} must be true or false, found {getattr(self, name)!r}")
-        finite(self, "body_friction", low=0.0)
+        if self.body_friction is not None:
+            finite(self, "body_friction", low=0.0)
         finite(self, "damping", low=0.0)
 
 
@@ -86,12 +87,13 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="mujoco-flex",
             summary="Finite elements and rigid bodies in MuJoCo: stiff matter and contact at large steps; CPU",
-            contract_version=(1, 2),
+            contract_version=(1, 3),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
                 region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
                 contact_conditions=frozenset({ContactCondition.SEPARATE, ContactCondition.STICK}),
+                body_contacts=frozenset({ContactCondition.SEPARATE}),
                 drives=frozenset({Pinned, Driven, Impulse}),
                 force_fields=frozenset({Wind}),
                 output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES}),

@@ -68,7 +68,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="reference-mpm",
             summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
-            contract_version=(1, 2),
+            contract_version=(1, 3),
             capabilities=CAPABILITIES,
             factory="gasp_reference_mpm.engine:ReferenceMpm",
         )
