@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from gasp_core.contract import PointProblem
 from gasp_taichi_mpm import runtime, words
 from gasp_taichi_mpm.kernels import make_kernels
-from gasp_taichi_mpm.meeting import SCRATCH_WIDTH
 from gasp_taichi_mpm.memory import Memory
 from gasp_taichi_mpm.packing import packed, unpacked
+from gasp_taichi_mpm.separation import SCRATCH_WIDTH
 
 __all__ = ["Cloud"]
 

@@ -24,8 +24,8 @@ from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.blocks import BLOCK_NODES
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
-from gasp_warp_mpm.meeting import SCRATCH_WIDTH
 from gasp_warp_mpm.pool import LANES
+from gasp_warp_mpm.separation import SCRATCH_WIDTH
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, FIRST_STEP, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
 
 __all__ = ["Cloud"]
