@@ -44,6 +44,7 @@ from gasp_core.contract.materials import (
 from gasp_core.contract.points import PointCloud, PointProblem, PointState
 from gasp_core.contract.protocols import EngineSession, PointEngine, ViewingSession
 from gasp_core.contract.report import Status, StepReport
+from gasp_core.contract.rigid_motion import KeyframedMotion, RigidMotion, SteadyMotion
 from gasp_core.contract.shapes import SHAPES, BoxShape, HalfSpace, Shape, SphereShape, Vector
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "HalfSpace",
     "Impulse",
     "MATERIALS",
+    "KeyframedMotion",
     "Material",
     "Metal",
     "NeoHookean",
@@ -83,6 +85,7 @@ __all__ = [
     "Precision",
     "Quantity",
     "Rigid",
+    "RigidMotion",
     "SHAPES",
     "Sand",
     "Shape",
@@ -91,6 +94,7 @@ __all__ = [
     "Snow",
     "SphereShape",
     "Status",
+    "SteadyMotion",
     "StepReport",
     "Vector",
     "ViewingSession",

@@ -67,6 +67,8 @@ def needs(
             Need(f"knows no {shape.kind} as a collider (collider {number})", "collider_shapes", type(shape)),
             Need(f'knows no contact "{contact.value}" (collider {number})', "contact_conditions", contact),
         ]
+        if collider.motion is not None:
+            asked.append(Need(f"knows no colliders that move (collider {number})", "moving_colliders"))
     for number, drive in enumerate(problem.drives, start=1):
         where = drive_names[number - 1] if number <= len(drive_names) else f"drive {number}"
         asked.append(Need(f'knows no drive "{drive.kind}" ({where})', "drives", type(drive)))

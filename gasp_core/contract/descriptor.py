@@ -37,6 +37,8 @@ class EngineCapabilities:
         What may happen where two bodies touch, with friction where they separate; one for all pairs.
     pair_contacts
         Whether every pair of bodies may have a contact of its own.
+    moving_colliders
+        Whether colliders may move, as their `Collider.motion` says.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -81,6 +83,7 @@ class EngineCapabilities:
     checkpoints: bool = False
     body_contacts: frozenset[ContactCondition] = frozenset()
     pair_contacts: bool = False
+    moving_colliders: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

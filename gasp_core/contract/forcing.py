@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
 
+from gasp_core.contract.rigid_motion import RigidMotion
 from gasp_core.contract.shapes import HalfSpace, Shape, Vector
 from gasp_core.contract.validation import finite, finite_vector
 from gasp_core.errors import SceneError
@@ -64,7 +65,7 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collider:
-    """A fixed body that matter cannot enter (or leave, with `Side.INSIDE`).
+    """A body that matter cannot enter (or leave, with `Side.INSIDE`), and that nothing moves but what is prescribed.
 
     Parameters
     ----------
@@ -76,12 +77,15 @@ class Collider:
         Coulomb's coefficient, >= 0; only `ContactCondition.SEPARATE` may have one > 0.
     side
         Where matter may be.
+    motion
+        How it moves, for engines that declare `moving_colliders`; None: it stands.
     """
 
     shape: Shape
     contact: ContactCondition = ContactCondition.SEPARATE
     friction: float = 0.0
     side: Side = Side.OUTSIDE
+    motion: RigidMotion | None = None
 
     def __post_init__(self) -> None:
         check_friction(self)

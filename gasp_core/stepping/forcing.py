@@ -79,7 +79,7 @@ def walls_of(collider: Collider) -> Sequence[Collider]:
         return [collider]
     center, half = np.asarray(collider.shape.center), np.asarray(collider.shape.half_extents)
     faces = [HalfSpace(point=tuple(center + half * out), normal=tuple(-out)) for out in _OUTWARD]
-    return [Collider(shape=face, contact=collider.contact, friction=collider.friction) for face in faces]
+    return [dataclasses.replace(collider, shape=face, side=Side.OUTSIDE) for face in faces]
 
 
 def problem_fingerprint(problem: PointProblem) -> str:

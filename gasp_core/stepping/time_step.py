@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import (
     BoxShape,
+    Collider,
     Drive,
     Driven,
     EngineAccuracy,
@@ -40,6 +41,7 @@ from gasp_core.contract import (
 )
 from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import GRADIENT_SHARE, LOOK_TRAVEL
+from gasp_core.stepping.rigid_motion import pose_of
 
 __all__ = [
     "MotionLimits",
@@ -53,6 +55,7 @@ __all__ = [
     "stiffening",
     "substep_size",
     "substeps_to",
+    "wall_speed",
 ]
 
 Array = NDArray[Any]
@@ -229,6 +232,18 @@ def driven_speed(drives: Sequence[Drive], time: float, low: Array, high: Array) 
         if nearest <= reach:
             arm = min(float(farthest), reach)
             speed = max(speed, math.hypot(*drive.velocity) + math.hypot(*drive.angular_velocity) * arm)
+    return speed
+
+
+def wall_speed(colliders: Sequence[Collider], time: float, low: Array, high: Array) -> float:
+    """Bound on the speed [m/s] of colliders at `time` [s] where they may meet matter between corners low and high."""
+    speed = 0.0
+    for collider in colliders:
+        if collider.motion is not None:
+            corners = np.stack(np.meshgrid(*zip(low, high), indexing="ij"), axis=-1).reshape(-1, 3)
+            # Linear in the place, so nowhere between the corners is it faster.
+            velocities = pose_of(collider.motion, time).velocities(corners)
+            speed = max(speed, float(np.linalg.norm(velocities, axis=1).max()))
     return speed
 
 

@@ -24,6 +24,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.stepping.forcing import rotation_matrix, walls_of
+from gasp_core.stepping.rigid_motion import pose_of
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
@@ -103,8 +104,8 @@ def _fill_shape(row: Array, shape: Shape | None, units: Units, table: FieldTable
         row[4] = shape.radius / units.spacing
 
 
-def collider_rows(colliders: tuple[Collider, ...], units: Units, table: FieldTable) -> Array:
-    """Rows (K, `layout.COLLIDER_WIDTH`); a container with flat sides is as many as it has sides."""
+def collider_rows(colliders: tuple[Collider, ...], time: float, units: Units, table: FieldTable) -> Array:
+    """Rows (K, `layout.COLLIDER_WIDTH`) at `time` [s]; a container with flat sides is as many as it has sides."""
     walls = [wall for collider in colliders for wall in walls_of(collider)]
     rows = np.zeros((len(walls), at.COLLIDER_WIDTH))
     for row, wall in zip(rows, walls):
@@ -112,6 +113,14 @@ def collider_rows(colliders: tuple[Collider, ...], units: Units, table: FieldTab
         row[8] = _CONTACT[wall.contact]
         row[9] = wall.friction
         row[10] = 1.0 if wall.side is Side.OUTSIDE else -1.0
+        if wall.motion is not None:
+            pose = pose_of(wall.motion, time)
+            row[11] = 1.0
+            row[12:15] = units.cells(pose.center)
+            row[15:18] = units.cells(pose.place)
+            row[18:27] = pose.rotation.T.reshape(-1)
+            row[27:30] = pose.velocity / units.speed
+            row[30:33] = pose.angular_velocity * units.time
     return rows
 
 

@@ -38,11 +38,12 @@ SPHERE = 2
 EVERYWHERE = 3
 FIELD = 4
 
-# A collider: shape, contact, friction, side.
+# A collider: shape, contact, friction, side, whether it moves; then its centre in the scene, where that is now, its
+# transposed rotation (9), velocity, angular velocity.
 STICK = 0
 SLIP = 1
 SEPARATE = 2
-COLLIDER_WIDTH = 12
+COLLIDER_WIDTH = 36
 # A wind: shape, velocity, drag times step.
 WIND_WIDTH = 12
 # A drive: shape, centre at the start, centre now, transposed rotation (9), velocity, angular velocity.

@@ -17,7 +17,7 @@ from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import drives_at, force_fields_at
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
-from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
@@ -64,7 +64,9 @@ class SteppedCloud(Protocol):
     def begin_batch(
         self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
     ) -> None:
-        """Set what acts during the next steps of `step` [s]; `drives` holds (steps, K, width) rows.
+        """Set what acts during the next steps of `step` [s].
+
+        `drives` holds (steps, K, width) rows, `colliders` as many sets as steps or one for all of them.
 
         At the first and then every `looks` steps it is looked how far apart bodies are.
         """
@@ -165,7 +167,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         self._frame = np.array([*units.anchor, units.spacing, units.time, units.mass])
         time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
         self._fields = fields = FieldTable.of(problem, units)
-        self._colliders = collider_rows(problem.colliders, units, fields)
+        self._walls_move = any(collider.motion is not None for collider in problem.colliders)
+        self._colliders = collider_rows(problem.colliders, 0.0, units, fields)[None]
         self._hardening = hardening_of(problem)
         try:
             cloud = build(problem, units, restart, engine)
@@ -219,10 +222,12 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def _limits(self, survey: Survey) -> MotionLimits:
         felt = _FELT * self._units.spacing
-        driven = driven_speed(self._problem.drives, self._time, survey.low - felt, survey.high + felt)
+        low, high = survey.low - felt, survey.high + felt
+        driven = driven_speed(self._problem.drives, self._time, low, high)
+        walls = wall_speed(self._problem.colliders, self._time, low, high) if self._walls_move else 0.0
         return MotionLimits(
             stress=survey.stress,
-            speed=max(survey.speed, driven),
+            speed=max(survey.speed, driven, walls),
             velocity_gradient=survey.velocity_gradient,
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
@@ -238,7 +243,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         cloud.begin_batch(
             step,
             np.asarray(self._problem.gravity),
-            self._colliders,
+            self._walls(begin, step, count),
             wind_rows(winds, step, self._units, self._fields),
             np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
             looks,
@@ -254,6 +259,13 @@ class MpmSession(SteppedSession[SteppedCloud]):
             if drifted:
                 self._judge(cloud.survey(), step)
                 self._sort(cloud)
+
+    def _walls(self, begin: float, step: float, count: int) -> Array:
+        """Rows of the colliders, one set for all steps or, where any of them moves, one for each: (sets, K, width)."""
+        if not self._walls_move:
+            return self._colliders
+        times = [begin + index * step for index in range(count)]
+        return np.array([collider_rows(self._problem.colliders, time, self._units, self._fields) for time in times])
 
     def _sort(self, cloud: SteppedCloud) -> None:
         try:

@@ -23,6 +23,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.stepping.forcing import drives_at, force_fields_at, position_at_start, prescribed_velocities, walls_of
+from gasp_core.stepping.rigid_motion import pose_of
 
 __all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside"]
 
@@ -62,14 +63,24 @@ def driven(
     return velocities, held
 
 
-def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], spacing: float) -> Array:
-    """Contact conditions at nodes on or behind the surface of each collider, in the order given."""
+def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], time: float, spacing: float) -> Array:
+    """Contact conditions at nodes on or behind the surface of each collider, in the order given.
+
+    A collider that moves is met in its own frame: nodes where they would be there, velocities relative to its own.
+    """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
-        touching = sign * wall.shape.signed_distance(positions) <= TOUCH * spacing
-        normal = sign * wall.shape.outward_normal(positions[touching])
+        pose = None if wall.motion is None else pose_of(wall.motion, time)
+        places = positions if pose is None else pose.before(positions)
+        touching = sign * wall.shape.signed_distance(places) <= TOUCH * spacing
+        normal = sign * wall.shape.outward_normal(places[touching])
         velocities = velocities.copy()
-        velocities[touching] = _after_contact(velocities[touching], normal, wall)
+        if pose is None:
+            velocities[touching] = _after_contact(velocities[touching], normal, wall)
+        else:
+            own = pose.velocities(positions[touching])
+            normal = normal @ pose.rotation.T
+            velocities[touching] = own + _after_contact(velocities[touching] - own, normal, wall)
     return velocities
 
 

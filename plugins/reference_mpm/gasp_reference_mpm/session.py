@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
-from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_reference_mpm.grid import grid_excess
 from gasp_reference_mpm.material_points import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
@@ -141,9 +141,10 @@ class ReferenceSession(SteppedSession[Motion]):
         places = motion.positions + self._origin
         felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
         driven = driven_speed(self._problem.drives, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
+        walls = wall_speed(self._problem.colliders, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
         return MotionLimits(
             stress=stable_step(self._matter, motion, self._spacing),
-            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven),
+            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,

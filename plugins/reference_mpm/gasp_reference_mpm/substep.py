@@ -52,7 +52,7 @@ def substep(
     if separation is None:
         separation = looked(stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing)
     velocities, separation = met(problem, stencil, grid, velocities, held, separation, spacing, step)
-    velocities = collided(velocities, places, problem.colliders, spacing)
+    velocities = collided(velocities, places, problem.colliders, time, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         kept = kept_inside(velocities, places, problem.domain, spacing)
         cut = np.linalg.norm(velocities - kept, axis=1) > _HELD * np.linalg.norm(velocities, axis=1)

@@ -79,7 +79,7 @@ class Cloud(SortedCloud):
 
     def _seed(self) -> None:
         nothing = np.zeros((0, 0))
-        self.begin_batch(0.0, np.zeros(3), nothing, nothing, np.zeros((SEEDING_PASSES, 0, 0)), 1)
+        self.begin_batch(0.0, np.zeros(3), nothing[None], nothing, np.zeros((SEEDING_PASSES, 0, 0)), 1)
         self._control[words.SEEDING] = 1
         self.steps(0, SEEDING_PASSES)
         self._control[words.SEEDING] = 0
@@ -215,7 +215,9 @@ class Cloud(SortedCloud):
     def begin_batch(
         self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
     ) -> None:
-        """Set what acts during the next steps of `step` [s] each; `drives` holds (steps, K, width) rows.
+        """Set what acts during the next steps of `step` [s] each.
+
+        `drives` holds (steps, K, width) rows, `colliders` as many sets as steps or one for all of them.
 
         At the first and then every `looks` steps it is looked how far apart bodies are.
         """
@@ -223,7 +225,9 @@ class Cloud(SortedCloud):
         self._batch[words.STEP] = self._batch[words.STEP_VECTOR : words.STEP_VECTOR + 3] = step / self.units.time
         self._batch[words.GRAVITY : words.GRAVITY + 3] = gravity * step / self.units.speed
         self._control[words.LOOKS] = looks
-        self._control[words.COLLIDERS] = len(colliders)
+        self._control[words.COLLIDERS] = colliders.shape[1]
+        self._control[words.MOVING] = len(colliders) > 1
+        self._control[words.WINDS_AT] = colliders.size
         self._control[words.WINDS] = len(winds)
         self._control[words.DRIVES] = drives.shape[1]
         rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])

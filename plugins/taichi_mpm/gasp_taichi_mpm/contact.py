@@ -116,19 +116,37 @@ def _normal(table: ti.template(), fields: ti.template(), row, node):
 
 
 @ti.func
-def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: ti.template()):
+def _first_wall(control: ti.template(), wall_set):
+    """Where the rows of the colliders begin for this step."""
+    return control[words.MOVING] * wall_set * control[words.COLLIDERS] * at.COLLIDER_WIDTH
+
+
+@ti.func
+def _place_before(forcing: ti.template(), row, node):
+    """Where a node is for the collider at `row`, in the frame in which that stands."""
+    place = node
+    if forcing[row + 11] > 0:
+        arm = node - _triple(forcing, row + 15)
+        turned = ti.Vector([_triple(forcing, row + 18 + 3 * d).dot(arm) for d in range(3)])
+        place = turned + _triple(forcing, row + 12)
+    return place
+
+
+@ti.func
+def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: ti.template(), wall_set):
     """Whether anything besides gravity may act on a node of the block of 4^3 around `centre` [cells].
 
     Where a collider is farther from the centre than the corners are, it touches none of the nodes: no signed distance
     changes by more than the way between two places; an interpolated one by no more than twice that.
     """
     touched = control[words.CLAMP] == 1 or control[words.WINDS] > 0 or control[words.DRIVES] > 0
-    row = 0
-    while row < control[words.COLLIDERS] * at.COLLIDER_WIDTH:
+    row = _first_wall(control, wall_set)
+    end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
+    while row < end:
         reach = ti.f64(_BLOCK_RADIUS + 2 * at.TOUCH)
         if ti.cast(forcing[row], ti.i32) == at.FIELD:
             reach = 2 * reach
-        if forcing[row + 10] * _distance(forcing, fields, row, centre) <= reach:
+        if forcing[row + 10] * _distance(forcing, fields, row, _place_before(forcing, row, centre)) <= reach:
             touched = True
         row += at.COLLIDER_WIDTH
     return touched
@@ -149,10 +167,8 @@ def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.te
     """
     u = v
     held = False
-    row = 0
-    colliders_end = control[words.COLLIDERS] * at.COLLIDER_WIDTH
-    winds_end = colliders_end + control[words.WINDS] * at.WIND_WIDTH
-    row = colliders_end
+    row = control[words.WINDS_AT]
+    winds_end = row + control[words.WINDS] * at.WIND_WIDTH
     while row < winds_end:
         if _distance(forcing, fields, row, node) <= 0.0:
             rate = forcing[row + 11]
@@ -186,16 +202,29 @@ def confined(
     fields: ti.template(),
     control: ti.template(),
     report: ti.template(),
+    wall_set,
 ):
-    """Velocity of a node after the colliders and the domain's edge; parameters as `acted`."""
+    """Velocity of a node after the colliders and the domain's edge; parameters as `acted`.
+
+    What moves is met in its own frame: the node where it would be there, velocities relative to its own.
+    """
     u = v
-    colliders_end = control[words.COLLIDERS] * at.COLLIDER_WIDTH
-    row = 0
+    row = _first_wall(control, wall_set)
+    colliders_end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
     while row < colliders_end:
         side = forcing[row + 10]
-        if side * _distance(forcing, fields, row, node) <= ti.f64(at.TOUCH):
+        place = _place_before(forcing, row, node)
+        if side * _distance(forcing, fields, row, place) <= ti.f64(at.TOUCH):
             contact = ti.cast(forcing[row + 8], ti.i32)
-            n = side * _normal(forcing, fields, row, node)
+            n = side * _normal(forcing, fields, row, place)
+            own = u * 0
+            if forcing[row + 11] > 0:
+                back = n * 0
+                for d in ti.static(range(3)):
+                    back += n[d] * _triple(forcing, row + 18 + 3 * d)
+                n = back
+                own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(node - _triple(forcing, row + 15))
+                u = u - own
             along = u.dot(n)
             if contact == at.STICK:
                 u = u * 0
@@ -207,6 +236,7 @@ def confined(
                 speed = u.norm()
                 if friction > 0 and speed > 0:
                     u = u * ti.max(0, 1 + friction * along / speed)
+            u = u + own
         row += at.COLLIDER_WIDTH
     if control[words.CLAMP] == 1:
         free = u
@@ -234,4 +264,4 @@ def constrain(
 ):
     """Both, where no other body is near: `acted`, then `confined`."""
     u, _ = acted(v, node, forcing, fields, control, drive_set)
-    return confined(u, node, batch, forcing, fields, control, report)
+    return confined(u, node, batch, forcing, fields, control, report, drive_set)

@@ -157,7 +157,9 @@ def make_meet(least_mass: float) -> Callable[..., Any]:
                 v = _node4(0)
                 if g[3] >= 0:
                     u = ti.Vector([g[0], g[1], g[2]])
-                    u = confined(u, _true_place(met, control, corner, n), batch, forcing, fields, control, report)
+                    u = confined(
+                        u, _true_place(met, control, corner, n), batch, forcing, fields, control, report, drive_set
+                    )
                     v = _node4(u[0], u[1], u[2], 0)
                 grid[row] = v
                 if traced:

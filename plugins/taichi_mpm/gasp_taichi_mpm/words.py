@@ -65,7 +65,10 @@ LOOKS = 56
 """Every so many steps it is looked how far apart bodies are,"""
 FIRST_STEP = 57
 """and at the first since the host looked."""
-CONTROL_WIDTH = 58
+MOVING = 58
+"""1 where colliders have a set for every step, because any of them moves."""
+WINDS_AT = 59
+CONTROL_WIDTH = 60
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0

@@ -235,7 +235,9 @@ class Cloud(SortedCloud):
         step
             Of each of them [s].
         gravity : (3,) [m/s^2]
-        colliders, winds
+        colliders : (sets, K, `layout.COLLIDER_WIDTH`)
+            K rows for every step, or one set for all of them.
+        winds
             Rows.
         drives : (steps, K, `layout.DRIVE_WIDTH`)
             K rows for every step.
@@ -246,7 +248,8 @@ class Cloud(SortedCloud):
         acting = self._acting
         acting.looks = looks
         acting.gravity = wp.vec3d(*(gravity * step / self.units.speed).tolist())
-        acting.colliders, acting.winds, acting.drives = len(colliders), len(winds), drives.shape[1]
+        acting.colliders, acting.winds, acting.drives = colliders.shape[1], len(winds), drives.shape[1]
+        acting.moving, acting.wind_begin = int(len(colliders) > 1), colliders.size
         rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
         acting.forcing = self._put(rows, wp.float64)
 

@@ -128,7 +128,7 @@ def _normal(s: Acting, row: int, node: wp.vec3d):
 def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
     u = velocity * _ONE
     for wind in range(s.winds):
-        row = s.colliders * at.COLLIDER_WIDTH + wind * at.WIND_WIDTH
+        row = s.wind_begin + wind * at.WIND_WIDTH
         if _distance(s, row, node) <= _ZERO:
             rate = s.forcing[row + 11]
             u = (u + rate * _triple(s.forcing, row + 8)) / (_ONE + rate)
@@ -139,7 +139,7 @@ def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
 def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
     u = velocity * _ONE
     held = int(0)
-    begin = s.colliders * at.COLLIDER_WIDTH + s.winds * at.WIND_WIDTH
+    begin = s.wind_begin + s.winds * at.WIND_WIDTH
     for drive in range(s.drives):
         row = begin + (drive_set * s.drives + drive) * at.DRIVE_WIDTH
         arm = node - _triple(s.forcing, row + 11)
@@ -155,14 +155,41 @@ def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
 
 
 @wp.func
-def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
+def _turned(s: Acting, row: int, v: wp.vec3d):
+    """By the rotation whose rows at `row` are."""
+    return wp.vec3d(
+        wp.dot(_triple(s.forcing, row), v),
+        wp.dot(_triple(s.forcing, row + 3), v),
+        wp.dot(_triple(s.forcing, row + 6), v),
+    )
+
+
+@wp.func
+def _turned_back(s: Acting, row: int, v: wp.vec3d):
+    """By its inverse."""
+    return v[0] * _triple(s.forcing, row) + v[1] * _triple(s.forcing, row + 3) + v[2] * _triple(s.forcing, row + 6)
+
+
+@wp.func
+def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
+    """What moves is met in its own frame: the node where it would be there, velocities relative to its own."""
     u = velocity * _ONE
     for collider in range(s.colliders):
-        row = collider * at.COLLIDER_WIDTH
+        row = (s.moving * wall_set * s.colliders + collider) * at.COLLIDER_WIDTH
         side = s.forcing[row + 10]
-        if side * _distance(s, row, node) <= _TOUCH:
+        moves = s.forcing[row + 11] > _ZERO
+        place = node * _ONE
+        if moves:
+            place = _turned(s, row + 18, node - _triple(s.forcing, row + 15)) + _triple(s.forcing, row + 12)
+        if side * _distance(s, row, place) <= _TOUCH:
             contact = int(s.forcing[row + 8])
-            normal = side * _normal(s, row, node)
+            normal = side * _normal(s, row, place)
+            own = wp.vec3d()
+            if moves:
+                normal = _turned_back(s, row + 18, normal)
+                arm = node - _triple(s.forcing, row + 15)
+                own = _triple(s.forcing, row + 27) + wp.cross(_triple(s.forcing, row + 30), arm)
+                u = u - own
             along = wp.dot(u, normal)
             if contact == at.STICK:
                 u = wp.vec3d()
@@ -174,6 +201,8 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
                 speed = wp.length(u)
                 if friction > _ZERO and speed > _ZERO:
                     u = u * wp.max(_ZERO, _ONE + friction * along / speed)
+            if moves:
+                u = u + own
     return u
 
 
@@ -194,9 +223,9 @@ def acted(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
 
 
 @wp.func
-def confined(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
-    """Velocity of a node after the colliders and the domain's edge, and whether the edge held it."""
-    free = _collided(s, velocity, node)
+def confined(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
+    """Velocity of a node after the colliders and the domain's edge, and whether the edge held it; see `acted`."""
+    free = _collided(s, velocity, node, wall_set)
     u = free * _ONE
     held = int(0)
     if s.clamp == 1:
@@ -215,4 +244,4 @@ def confined(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
 def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
     """Both, where no other body is near: `acted`, then `confined`."""
     u, _driven_there = acted(s, velocity, node, drive_set)
-    return confined(s, u, node)
+    return confined(s, u, node, drive_set)

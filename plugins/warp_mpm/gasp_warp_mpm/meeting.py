@@ -124,7 +124,7 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
                 s.carrier[row] = vec4(zero, zero, zero, wp.min(g[3] / least_presence, one))
 
     @wp.func
-    def end_member(s: Tables, acting: Acting, m: int):
+    def end_member(s: Tables, acting: Acting, wall_set: int, m: int):
         """What the walls leave of the velocities."""
         corner = corner_of(s, m)
         for n in range(NODES):
@@ -133,7 +133,7 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
             v = vec4()
             if g[3] >= zero:
                 velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2]))
-                u, held = confined(acting, velocity, true_place(s, corner, n))
+                u, held = confined(acting, velocity, true_place(s, corner, n), wall_set)
                 v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
                 if held == 1:
                     s.report[CLAMPED] = 1
@@ -161,6 +161,6 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
         for pair in range(begin, end):
             close_gaps(s, pair)
         for m in range(s.places[place], s.places[place + 1]):
-            end_member(s, acting, m)
+            end_member(s, acting, drive_set, m)
 
     return SimpleNamespace(meet=meet)

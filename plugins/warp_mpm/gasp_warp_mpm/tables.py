@@ -48,7 +48,11 @@ class Acting:
     colliders: int
     winds: int
     drives: int
-    """How many of each; drives have a copy for every step of the batch."""
+    """How many of each; drives have a copy for every step of the batch, and so have colliders if any of them moves."""
+    moving: int
+    """1 where colliders have."""
+    wind_begin: int
+    """Where the rows of winds begin."""
     forcing: wp.array(dtype=wp.float64)
     """Rows of the colliders, the winds, the drives."""
     fields: wp.array(dtype=wp.float64)

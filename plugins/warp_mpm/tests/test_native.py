@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.session import MpmSession
+from gasp_mpm_host.testing.kit import nothing_acts
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 
@@ -115,7 +116,7 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
         cloud = session._held
         points = cloud._rows().points
         points[:, at.DEFORMATION : at.DEFORMATION + 9] = given.reshape(-1, 9)
-        cloud.begin_batch(0.0, np.zeros(3), np.zeros((0, 12)), np.zeros((0, 12)), np.zeros((1, 0, at.DRIVE_WIDTH)))
+        cloud.begin_batch(0.0, np.zeros(3), *nothing_acts(1))
         assert cloud.steps(0, 1) == (1, False, False)
         material = cloud._tables.materials.numpy()
         F = points[:, at.DEFORMATION : at.DEFORMATION + 9].astype(np.float64).reshape(-1, 3, 3)

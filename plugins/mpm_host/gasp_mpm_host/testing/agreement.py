@@ -17,6 +17,7 @@ from gasp_core.contract import (
     EngineAccuracy,
     HalfSpace,
     Impulse,
+    KeyframedMotion,
     Pinned,
     PointEngine,
     PointProblem,
@@ -26,6 +27,7 @@ from gasp_core.contract import (
     SignedDistanceField,
     SphereShape,
     Status,
+    SteadyMotion,
     Wind,
 )
 from gasp_core.discovery.registry import discover
@@ -115,7 +117,26 @@ def _meeting() -> PointProblem:
         ids=ids,
         volumes=np.full(len(ids), (side / per_axis) ** 3),
         velocity=np.array(velocities)[ids],
-        colliders=(_obstacles()[1],),
+        colliders=(
+            _obstacles()[1],
+            Collider(
+                shape=SphereShape(center=(-0.12, 0.1, 0.1), radius=0.1),
+                friction=0.3,
+                motion=SteadyMotion(
+                    velocity=(1.0, 0.2, 0.0), angular_velocity=(0.0, 4.0, 3.0), center=(-0.1, 0.1, 0.1), start=0.01
+                ),
+            ),
+            Collider(
+                shape=BoxShape(center=(0.2, -0.2, 0.2), half_extents=(0.3, 0.15, 0.05)),
+                contact=ContactCondition.STICK,
+                motion=KeyframedMotion(
+                    times=(0.0, 0.04, 0.09),
+                    places=((0.2, -0.2, 0.2), (0.2, -0.1, 0.2), (0.2, -0.1, 0.25)),
+                    quaternions=((1, 0, 0, 0), (1, 0.1, 0, 0.2), (2, 0, 0.3, 0)),
+                    center=(0.2, -0.2, 0.2),
+                ),
+            ),
+        ),
         drives=(Pinned(region=BoxShape(center=(0, 0, 0.2), half_extents=(0.06, 0.06, 0.06)), start=0.02, end=0.05),),
         body_contact=BodyContact(friction=0.3),
         pair_contacts={

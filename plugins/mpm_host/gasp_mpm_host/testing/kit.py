@@ -158,7 +158,7 @@ def same(a: PointState, b: PointState) -> bool:
 def nothing_acts(steps: int) -> tuple[Array, Array, Array]:
     """Colliders, winds and drives of a batch without any."""
     return (
-        np.zeros((0, at.COLLIDER_WIDTH)),
+        np.zeros((1, 0, at.COLLIDER_WIDTH)),
         np.zeros((0, at.WIND_WIDTH)),
         np.zeros((steps, 0, at.DRIVE_WIDTH)),
     )

@@ -1,0 +1,116 @@
+"""Where something is that moves as a prescribed rigid body, and how fast."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import KeyframedMotion, RigidMotion, SteadyMotion
+from gasp_core.stepping.forcing import rotation_matrix
+
+__all__ = ["Pose", "pose_of", "starts_of"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Of what moves: x in the scene is at place + rotation (x - center) now.
+
+    Parameters
+    ----------
+    center : (3,) [m]
+    place : (3,) [m]
+    rotation : (3, 3)
+    velocity : (3,) [m/s]
+        Of what was at the center.
+    angular_velocity : (3,) [rad/s]
+    """
+
+    center: Array
+    place: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+
+    def before(self, positions: Array) -> Array:
+        """Where in the scene is what is at positions (N, 3) [m] now."""
+        return (positions - self.place) @ self.rotation + self.center
+
+    def velocities(self, positions: Array) -> Array:
+        """Velocities (N, 3) [m/s] of what is at positions (N, 3) [m] now."""
+        return self.velocity + np.cross(self.angular_velocity, positions - self.place)
+
+
+def pose_of(motion: RigidMotion, time: float) -> Pose:
+    """The pose at a time [s]; from a moment on velocities are those that follow it."""
+    center = np.asarray(motion.center)
+    if isinstance(motion, SteadyMotion):
+        velocity, spin = np.asarray(motion.velocity), np.asarray(motion.angular_velocity)
+        elapsed = min(max(time - motion.start, 0.0), motion.end - motion.start)
+        moving = float(motion.start <= time < motion.end)
+        return Pose(
+            center=center,
+            place=center + velocity * elapsed,
+            rotation=rotation_matrix(spin * elapsed),
+            velocity=moving * velocity,
+            angular_velocity=moving * spin,
+        )
+    return _between(motion, center, time)
+
+
+def _between(motion: KeyframedMotion, center: Array, time: float) -> Pose:
+    still = np.zeros(3)
+    row = bisect_right(motion.times, time) - 1
+    if row < 0 or row == len(motion.times) - 1:
+        end = max(row, 0)
+        return Pose(
+            center=center,
+            place=np.asarray(motion.places[end]),
+            rotation=_rotation(motion.quaternions[end]),
+            velocity=still,
+            angular_velocity=still,
+        )
+    span = motion.times[row + 1] - motion.times[row]
+    elapsed = time - motion.times[row]
+    place = np.asarray(motion.places[row])
+    velocity = (np.asarray(motion.places[row + 1]) - place) / span
+    spin = _turn(motion.quaternions[row], motion.quaternions[row + 1]) / span
+    return Pose(
+        center=center,
+        place=place + velocity * elapsed,
+        rotation=rotation_matrix(spin * elapsed) @ _rotation(motion.quaternions[row]),
+        velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def _rotation(quaternion: tuple[float, float, float, float]) -> Array:
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _turn(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> Array:
+    """The shorter way from one orientation to the other, as an axis by an angle [rad], in the scene's frame."""
+    a, b = (np.asarray(quaternion) / np.linalg.norm(quaternion) for quaternion in (one, other))
+    w = a @ b
+    axis = a[0] * b[1:] - b[0] * a[1:] - np.cross(b[1:], a[1:])
+    if w < 0:
+        w, axis = -w, -axis
+    sine = float(np.linalg.norm(axis))
+    return axis * (2 * np.arctan2(sine, w) / sine) if sine > 0 else np.zeros(3)
+
+
+def starts_of(motion: RigidMotion) -> float:
+    """When it begins to move [s]."""
+    return motion.start if isinstance(motion, SteadyMotion) else motion.times[0]
