@@ -43,6 +43,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
     names = [f"{kind}:{word}" for kind, items in kinds for word in sorted(_word(item) for item in items)]
     flags = {
         "pair-contacts": can.pair_contacts,
+        "moving-colliders": can.moving_colliders,
         "checkpoints": can.checkpoints,
         "tracers": can.carries_tracers,
         "device-indices": can.device_indices,

@@ -72,6 +72,7 @@ SHOWN = {
     *(f"view:{field.value}" for field in (Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS)),
     "checkpoints",
     "pair-contacts",
+    "moving-colliders",
     "device-indices",
     "tracers",
 }
@@ -499,6 +500,21 @@ def coulombs(ledger: Ledger, case: str, subject: Subject, *, field: bool) -> Non
     # the impulse of a quarter of a swing may be missing.
     late = friction * gravity * math.cos(tilt) * slide.settling * time
     ledger.at_most(case, "way - Coulomb's [m]", slide.way - slowed, late + 1.05 * slide.stepping)
+
+
+@check("moving-colliders", Level.CAPABILITY)
+def test_moving_colliders(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """A floor that glides takes a block along by friction, a wall pushes one, a turntable turns one."""
+    need(subject.descriptor.capabilities.moving_colliders, "colliders that move")
+    carried = wall_cases.carried(subject)
+    # A swing of the pressure under a block of two cells shifts the way by a hundredth.
+    bound = carried.late + 0.02 * carried.closed_form
+    ledger.at_most("gliding floor", "way - closed form [m]", carried.way - carried.closed_form, bound)
+    # A quadratic spline feels a node from a cell and a half away: early or late, matter is stopped within that.
+    ledger.at_most("moving wall", "depth [cells]", carried.depth, 1.5)
+    ledger.at_most("moving wall", "way of what it pushes / its own - 1", min(carried.pushed - 1, 0.0), 0.1)
+    # It goes round with the turntable from the start; what it lacks is the shear of starting to be pulled inwards.
+    ledger.at_most("turntable", "angle / its own - 1", carried.turn - 1, 0.03)
 
 
 # --- bodies ---------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gasp_conformance import oracles
 from gasp_conformance.bounds import place_rounding
@@ -21,15 +21,17 @@ from gasp_core.contract import (
     ContactCondition,
     EngineAccuracy,
     HalfSpace,
+    KeyframedMotion,
     Material,
     PointProblem,
     Shape,
     Side,
     SignedDistanceField,
     SphereShape,
+    SteadyMotion,
 )
 
-__all__ = ["Impact", "Slope", "floor_of", "impacts", "on_slope", "stiff_material"]
+__all__ = ["Carried", "Impact", "Slope", "carried", "floor_of", "impacts", "on_slope", "stiff_material"]
 
 Array = NDArray[Any]
 AnyShape = HalfSpace | BoxShape | SphereShape
@@ -250,3 +252,87 @@ def floor_of(subject: Subject) -> AnyShape:
     if HalfSpace in subject.descriptor.capabilities.collider_shapes:
         return HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
     return BoxShape(center=(0.0, 0.0, -1.0), half_extents=(9.0, 9.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carried:
+    """Blocks that a collider takes along.
+
+    Parameters
+    ----------
+    way
+        On a floor that glides away under it at 0.5 m/s: of the block's centre [m].
+    closed_form
+        Of a rigid block [m].
+    late
+        What may be missing of it because the weight has to arrive first [m].
+    depth
+        How deep a wall that moves at 0.5 m/s is in a block that it pushes, in grid cells.
+    pushed
+        Way of that block's centre, over that of the wall since it arrived.
+    turn
+        Angle that a block on a turntable has gone round with it, over that of the turntable.
+    """
+
+    way: float
+    closed_form: float
+    late: float
+    depth: float
+    pushed: float
+    turn: float
+
+
+def carried(subject: Subject) -> Carried:
+    """A block on a gliding floor, one before a moving wall, one on a turntable."""
+    material, cells = stiff_material(subject), (_CELLS, _CELLS, _CELLS)
+    speed, friction, time = 0.5, 0.4, 0.3
+    block = box_of_points((0.37, 0.21, 0.0), cells, _SPACING)
+
+    def after(
+        points: Array, collider: Collider, gravity: tuple[float, float, float], velocities: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Array:
+        problem = PointProblem(
+            points=cloud_of([points], [velocities], _SPACING),
+            materials=(material,),
+            colliders=(collider,),
+            gravity=gravity,
+        )
+        (state,) = subject.states(problem, EngineAccuracy(spacing=_SPACING), [time])
+        return state.positions
+
+    down = (0.0, 0.0, -GRAVITY)
+    gliding = Collider(
+        shape=floor_of(subject),
+        friction=friction,
+        motion=KeyframedMotion(
+            times=(0.0, 1.0), places=((0.0, 0.0, 0.0), (speed, 0.0, 0.0)), quaternions=((1.0, 0.0, 0.0, 0.0),) * 2
+        ),
+    )
+    on_floor = after(block, gliding, down) - block
+    # It is pulled along at mu g until it goes as fast as the floor.
+    pulled = speed / (friction * GRAVITY)
+    stiffness = getattr(material, "youngs_modulus", None) or getattr(material, "bulk_modulus", math.inf)
+    settling = _CELLS * _SPACING / math.sqrt(stiffness / material.density)
+
+    # The side of a box or, turned up, of a floor.
+    wall = Collider(
+        shape=floor_of(subject),
+        contact=_contact(subject),
+        motion=SteadyMotion(velocity=(0.0, 0.0, speed), start=0.0),
+    )
+    raised = box_of_points((0.37, 0.21, _SPACING / 2), cells, _SPACING)
+    ahead = after(raised, wall, NO_GRAVITY)
+    arrived = _SPACING / 2 / speed
+
+    spin = 2.0
+    table = Collider(shape=floor_of(subject), friction=3.0, motion=SteadyMotion(angular_velocity=(0.0, 0.0, spin)))
+    round_block = box_of_points((0.3, -_SPACING, 0.0), cells, _SPACING)
+    x, y, _ = after(round_block, table, down, np.cross([0.0, 0.0, spin], round_block)).mean(axis=0)
+    return Carried(
+        way=float(on_floor[:, 0].mean()),
+        closed_form=speed * (time - pulled / 2),
+        late=friction * GRAVITY * settling * time,
+        depth=float(speed * time - ahead[:, 2].min() + _SPACING / 4) / _SPACING,
+        pushed=float((ahead - raised)[:, 2].mean()) / (speed * (time - arrived)),
+        turn=math.atan2(float(y), float(x)) / (spin * time),
+    )

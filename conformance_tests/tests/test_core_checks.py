@@ -79,6 +79,7 @@ EVERYTHING = EngineCapabilities(
     contact_conditions=frozenset(ContactCondition),
     body_contacts=frozenset(ContactCondition),
     pair_contacts=True,
+    moving_colliders=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),

@@ -53,24 +53,26 @@ class FramePainter:
 
     def paint(self, frame: int, camera: Camera) -> Array:
         """A frame as bytes: (H, W, 3) uint8, (H, W, 4) with straight alpha where the background is transparent."""
-        picture = self._picture(self._footage.splats(frame), camera)
+        picture = self._picture(self._footage.splats(frame), camera, frame / self._footage.frame_rate)
         if self._background is not None:
             return to_bytes(picture.over(np.asarray(self._background)))
         alpha = picture.alpha[:, :, None]
         straight = picture.colour / np.where(alpha > 0, alpha, 1.0)
         return to_bytes(np.concatenate([straight, alpha], axis=2))
 
-    def _picture(self, splats: RenderInput, camera: Camera) -> Picture:
+    def _picture(self, splats: RenderInput, camera: Camera, time: float) -> Picture:
         if not self._footage.colliders:
             return self._renderer.render(splats, camera)
-        shadowed = self._scenery_from(camera)
+        shadowed = self._scenery_from(camera, time)
         drawn = self._renderer.render(splats, camera, occluders=shadowed.scenery.depth)
         return drawn.before(shadowed.under(splats, self._renderer))
 
-    def _scenery_from(self, camera: Camera) -> ShadowedScenery:
-        if self._scenery is None or camera is not self._camera:
+    def _scenery_from(self, camera: Camera, time: float) -> ShadowedScenery:
+        colliders = self._footage.colliders
+        moves = any(collider.motion is not None for collider in colliders)
+        if self._scenery is None or camera is not self._camera or moves:
             motion = self._motion
-            scenery = draw_scenery(self._footage.colliders, camera, centre=motion.centre, reach=motion.reach)
+            scenery = draw_scenery(colliders, camera, centre=motion.centre, reach=motion.reach, time=time)
             self._scenery = ShadowedScenery.of(scenery, camera, motion)
             self._camera = camera
         return self._scenery

@@ -14,6 +14,7 @@ from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
 from gasp_core.errors import RenderingError
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture
+from gasp_core.stepping.rigid_motion import pose_of
 
 __all__ = ["LIGHT", "Hit", "draw_scenery", "nearest_hits"]
 
@@ -50,8 +51,8 @@ class Hit:
     collider: Array
 
 
-def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array) -> Hit:
-    """The first surface that each ray origin + depth * ray meets from the side on which matter may be.
+def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array, time: float = 0.0) -> Hit:
+    """The first surface that each ray origin + depth * ray meets from the side on which matter may be, at `time` [s].
 
     A surface seen from behind is not there: one looks into a container through its near wall, and from below a floor
     at what lies on it.
@@ -59,14 +60,21 @@ def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array) -> H
     depth = np.full(rays.shape[:-1], np.inf)
     number = np.full(rays.shape[:-1], -1)
     for index, collider in enumerate(colliders):
-        found = _distances(collider, origin, rays)
+        # What moves is met in its own frame.
+        pose = None if collider.motion is None else pose_of(collider.motion, time)
+        if pose is None:
+            found = _distances(collider, origin, rays)
+        else:
+            found = _distances(collider, pose.before(origin), rays @ pose.rotation)
         nearer = found < depth
         depth[nearer] = found[nearer]
         number[nearer] = index
     return Hit(depth=depth, collider=number)
 
 
-def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array, reach: float) -> Picture:
+def draw_scenery(
+    colliders: Sequence[Collider], camera: Camera, *, centre: Array, reach: float, time: float = 0.0
+) -> Picture:
     """The colliders from a camera, on a transparent ground.
 
     Parameters
@@ -77,6 +85,8 @@ def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array
         From where.
     centre : (3,), reach
         Middle and size of what happens [m]: planes have a grid that fits it and fade out beyond it.
+    time
+        [s], for colliders that move.
     """
     shape = (camera.height, camera.width)
     if not colliders:
@@ -88,6 +98,7 @@ def draw_scenery(colliders: Sequence[Collider], camera: Camera, *, centre: Array
         pixel=1 / min(camera.focal_x, camera.focal_y),
         centre=np.asarray(centre),
         reach=reach,
+        time=time,
     )
     picture = Picture(
         colour=np.empty((*shape, 3), np.float32), alpha=np.empty(shape, np.float32), depth=np.empty(shape, np.float32)
@@ -114,6 +125,7 @@ class _Look:
     """Width of a pixel at depth 1."""
     centre: Array
     reach: float
+    time: float
 
 
 def _edges(colour: Array, alpha: Array) -> Array:
@@ -187,23 +199,28 @@ def _sphere(shape: SphereShape, origin: Array, rays: Array) -> tuple[Array, Arra
 
 def _shaded(look: _Look, rays: Array) -> tuple[Array, Array, Array]:
     """Premultiplied colours (N, 3), weights (N,) and depths (N,) of what rays (N, 3) from the eye meet."""
-    hit = nearest_hits(look.colliders, look.eye, rays)
+    hit = nearest_hits(look.colliders, look.eye, rays, look.time)
     colour, weight = np.zeros(rays.shape), np.zeros(len(rays))
     for index, collider in enumerate(look.colliders):
         met = np.flatnonzero(hit.collider == index)
         if len(met) == 0:
             continue
         position = look.eye + hit.depth[met][:, None] * rays[met]
-        shape = collider.shape
+        shape, rotation = collider.shape, np.eye(3)
+        local = position
+        if collider.motion is not None:
+            pose = pose_of(collider.motion, look.time)
+            local, rotation = pose.before(position), pose.rotation
         if isinstance(shape, HalfSpace):
-            normal = np.asarray(shape.normal)
+            normal = rotation @ np.asarray(shape.normal)
             away = np.linalg.norm(position - look.centre, axis=1) / look.reach
             weight[met] = _smoothstep(4.5, 1.5, away)
             slant = np.abs(rays[met] @ normal) / np.linalg.norm(rays[met], axis=1)
-            brightness = _grid(position, normal, look.reach, hit.depth[met] * look.pixel / slant)
+            blur = hit.depth[met] * look.pixel / slant
+            brightness = _grid(local, np.asarray(shape.normal), look.reach, blur)
             colour[met] = _GROUND * (weight[met] * brightness)[:, None]
         else:
-            normals = shape.outward_normal(position) * (-1.0 if collider.side is Side.INSIDE else 1.0)
+            normals = shape.outward_normal(local) @ rotation.T * (-1.0 if collider.side is Side.INSIDE else 1.0)
             light = _AMBIENT + (1 - _AMBIENT) * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
             weight[met] = 1.0
             colour[met] = _SOLID * light[:, None]

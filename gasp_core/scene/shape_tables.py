@@ -11,6 +11,7 @@ from typing import Any
 from gasp_core.contract import BoxShape, Collider, ContactCondition, HalfSpace, Shape, Side, SphereShape
 from gasp_core.scene.file_shapes import FileShape, MeshShape, SplatShape
 from gasp_core.scene.objects import UP_AXES, Contact
+from gasp_core.scene.rigid_motions import read_rigid_motion
 from gasp_core.scene.tables import Table, kind_of
 from gasp_core.solid.options import SolidOptions
 
@@ -18,7 +19,7 @@ __all__ = ["path_of", "read_collider", "read_contact", "read_shape"]
 
 _FORMULAS = ("plane", "box", "sphere")
 _FILE_SHAPES: dict[str, type[FileShape]] = {kind.kind: kind for kind in (SplatShape, MeshShape)}
-_CONTACT = ("contact", "friction", "side")
+_CONTACT = ("contact", "friction", "side", "motion")
 _LONGEST_PATH = 300
 _VARIABLE = re.compile(r"\$\{?(\w+)")
 
@@ -114,5 +115,6 @@ def read_collider(table: Table, folder: Path | None) -> Collider:
             "contact": table.choice("contact", {way.value: way for way in ContactCondition}, "separate"),
             "friction": table.number("friction", 0.0),
             "side": table.choice("side", {side.value: side for side in Side}, "outside"),
+            "motion": read_rigid_motion(table.table("motion"), folder) if table.has("motion") else None,
         },
     )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import (
+    Collider,
     Drive,
     Driven,
     Elastic,
@@ -29,6 +30,7 @@ from gasp_core.contract import (
     Status,
     Wind,
 )
+from gasp_core.stepping.rigid_motion import pose_of, starts_of
 
 __all__ = [
     "FASTER_THAN_SOUND",
@@ -137,7 +139,7 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
         kinetic_energy=kinetic_energy(masses, points.initial_velocities),
         diagonal=diagonal,
         frame_step=frame_step,
-        work_start=work_starts(problem.drives, problem.force_fields),
+        work_start=work_starts(problem.drives, problem.force_fields, problem.colliders),
     )
 
 
@@ -161,19 +163,22 @@ def released_potential(masses: Array, gravity: Sequence[float], displacements: A
     return float((masses @ displacements) @ np.asarray(gravity))
 
 
-def work_starts(drives: Sequence[Drive], force_fields: Sequence[ForceField]) -> float:
-    """Time [s] from which a drive or a wind does work on the matter; inf if none ever does.
+def work_starts(
+    drives: Sequence[Drive], force_fields: Sequence[ForceField], colliders: Sequence[Collider] = ()
+) -> float:
+    """Time [s] from which a drive, a wind or a collider does work on the matter; inf if none ever does.
 
     A pinned region and still colliders do none. What the others put in, the engine alone knows, and part of it stays
     behind as elastic energy when they end: so the energy check is off from their start for good.
     """
     starts = [drive.start for drive in drives if not isinstance(drive, Pinned)]
     starts += [field.start for field in force_fields]
+    starts += [starts_of(collider.motion) for collider in colliders if collider.motion is not None]
     return min(starts, default=math.inf)
 
 
 def drive_speed(problem: PointProblem, time: float, step: float, reach: float) -> float:
-    """Largest speed [m/s] that drives and winds that act within the frame before `time` give the matter.
+    """Largest speed [m/s] that drives, winds and colliders that act within the frame before `time` give the matter.
 
     `reach` [m] is how far matter may be from a centre of rotation. An impulse gives any: inf.
     """
@@ -188,6 +193,11 @@ def drive_speed(problem: PointProblem, time: float, step: float, reach: float) -
                 speed = max(speed, math.hypot(*event.velocity) + math.hypot(*event.angular_velocity) * reach)
             elif isinstance(event, Wind):
                 speed = max(speed, math.hypot(*event.velocity))
+    for collider in problem.colliders:
+        if collider.motion is not None:
+            for moment in (time - step, time):
+                pose = pose_of(collider.motion, moment)
+                speed = max(speed, math.hypot(*pose.velocity) + math.hypot(*pose.angular_velocity) * reach)
     return speed
 
 

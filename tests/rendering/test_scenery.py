@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gasp_core import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.contract import SteadyMotion
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import Picture
@@ -152,3 +153,24 @@ def test_a_shadow_falls_where_the_lamp_says():
     area = dark.sum() / 0.45 * (6 / eye.focal_x) ** 2
     assert area == pytest.approx(np.pi * 0.04 / (LIGHT[2] / np.linalg.norm(LIGHT)), rel=0.05)
     assert np.array_equal(shadowed.under(splats, Disc()).alpha, scenery.alpha)
+
+
+def test_what_moves_is_drawn_where_it_is_then():
+    """A ball that goes round, and a box that is turned by 45 degrees, met by a ray along x."""
+    ball = Collider(
+        shape=SphereShape(center=(2.0, 0, 0), radius=0.5),
+        motion=SteadyMotion(angular_velocity=(0, 0, np.pi)),
+    )
+    ray = np.array([[1.0, 0, 0]])
+    for time, depth in ((0.0, 6.5), (1.0, 2.5), (0.5, np.inf)):
+        assert nearest_hits([ball], np.array([-5.0, 0, 0]), ray, time).depth[0] == pytest.approx(depth)
+    box = Collider(
+        shape=BoxShape(center=(0, 0, 0), half_extents=(1, 1, 1)),
+        motion=SteadyMotion(angular_velocity=(0, 0, np.pi / 4)),
+    )
+    hit = nearest_hits([box], np.array([-5.0, 0, 0]), ray, 1.0)
+    assert hit.depth[0] == pytest.approx(5 - np.sqrt(2))
+    pictures = [
+        draw_scenery([ball], camera(), centre=np.array([0, 0, 1.0]), reach=2.0, time=time) for time in (0.0, 1.0)
+    ]
+    assert not np.array_equal(pictures[0].depth, pictures[1].depth)

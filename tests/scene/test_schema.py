@@ -19,8 +19,10 @@ from gasp_core.contract import (
     EngineAccuracy,
     HalfSpace,
     Impulse,
+    KeyframedMotion,
     Pinned,
     SphereShape,
+    SteadyMotion,
     Wind,
 )
 from gasp_core.errors import SceneError
@@ -50,7 +52,8 @@ def numbered(text, number):
 SCENE_CLASSES = (
     Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice,
     RecordingChoice, CameraChoice, EngineAccuracy,
-    HalfSpace, BoxShape, SphereShape, ContactRule, Collider, Domain, Pinned, Driven, Impulse, Wind,
+    HalfSpace, BoxShape, SphereShape, ContactRule, Collider, SteadyMotion, KeyframedMotion, Domain,
+    Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),
 )  # fmt: skip
 RECORDING_CLASSES = (Header, ObjectEntry, BodyEntry, EngineRecord, Commit)

@@ -27,6 +27,7 @@ from gasp_core.contract import (
     Side,
     SignedDistanceField,
     SphereShape,
+    SteadyMotion,
     StepReport,
     Wind,
 )
@@ -312,6 +313,30 @@ class FatBodies(Mutant):
         points = replace(problem.points, reference_volumes=27 * problem.points.reference_volumes)
         lighter = with_materials(problem, lambda one: replace(one, density=one.density / 27))
         return replace(lighter, points=points)
+
+
+@mutant("colliders-stand", {"moving-colliders": "way - closed form"})
+class CollidersStand(Mutant):
+    """Nothing that is prescribed moves a collider."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, motion=None))
+
+
+def _ghostly(collider: Collider) -> Collider:
+    """The same collider at the places of its motion, and without its speed."""
+    motion = collider.motion
+    if not isinstance(motion, SteadyMotion):
+        return collider
+    return replace(collider, motion=replace(motion, angular_velocity=(0.0, 0.0, 0.0)))
+
+
+@mutant("tables-do-not-turn", {"moving-colliders": "angle / its own - 1"})
+class TablesDoNotTurn(Mutant):
+    """Colliders are moved and not turned."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, _ghostly)
 
 
 @mutant(

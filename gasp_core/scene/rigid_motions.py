@@ -1,0 +1,96 @@
+"""How a collider moves, as a scene or a file of moments says it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import Any, cast
+
+from gasp_core.contract import KeyframedMotion, RigidMotion, SteadyMotion
+from gasp_core.errors import SceneError
+from gasp_core.io.format_errors import shown
+from gasp_core.io.text_files import read_text
+from gasp_core.scene.tables import Table, kind_of
+
+__all__ = ["read_moments", "read_rigid_motion"]
+
+_COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
+_LONGEST = 64 * 2**20
+"""Bytes of a file of moments: half a million of them."""
+
+
+def read_rigid_motion(table: Table, folder: Path | None) -> RigidMotion:
+    """A table `motion`: steady, or moments of its own or in a file; a file's path starts at the folder."""
+    if table.has("file"):
+        table.only("file", "center")
+        path = Path(table.text("file"))
+        center = table.vector("center", (0.0, 0.0, 0.0))
+        return read_moments(path if folder is None else folder / path, center)
+    if table.has("times"):
+        table.only("times", "places", "quaternions", "center")
+        times = _rows(table, "times", 1)
+        given: dict[str, Any] = {"times": tuple(value for (value,) in times)}
+        given["places"] = _rows(table, "places", 3) if table.has("places") else ((0.0, 0.0, 0.0),) * len(times)
+        upright = ((1.0, 0.0, 0.0, 0.0),) * len(times)
+        given["quaternions"] = _rows(table, "quaternions", 4) if table.has("quaternions") else upright
+        return table.make(KeyframedMotion, {**given, "center": table.vector("center", (0.0, 0.0, 0.0))})
+    return table.build(SteadyMotion)
+
+
+def _rows(table: Table, key: str, width: int) -> tuple[tuple[float, ...], ...]:
+    """A list of numbers, or of lists of as many numbers as `width`."""
+    values: object = table.values[key]
+    rows: list[tuple[float, ...]] = []
+    for value in cast("list[object]", values) if isinstance(values, list) else [values]:
+        row = cast("list[object]", value) if isinstance(value, list) else [value]
+        if len(row) != width or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in row):
+            what = "numbers" if width == 1 else f"lists of {width} numbers"
+            table.fail(key, f"must be a list of {what}, found {kind_of(values)}")
+        rows.append(tuple(float(cast("float", one)) for one in row))
+    return tuple(rows)
+
+
+def read_moments(path: Path, center: tuple[float, float, float]) -> KeyframedMotion:
+    """The motion in a CSV file, see docs/scene.md: a line of names, then one for each moment.
+
+    Columns are time [s], x, y, z [m] and, if it turns, qw, qx, qy, qz; in any order, others are passed over.
+
+    Raises
+    ------
+    SceneError
+        Where it cannot be read or a line is no moment; the message names file and line.
+    """
+    name = shown(path)
+    try:
+        text = read_text(path, _LONGEST)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError(f"{name}: cannot be read as a file of moments: {reason}") from None
+    lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    names = [one.strip() for one in lines.fieldnames or ()]
+    lines.fieldnames = names
+    turning = any(one in names for one in _COLUMNS[4:])
+    for column in _COLUMNS if turning else _COLUMNS[:4]:
+        if column not in names:
+            raise SceneError(f'{name}: has no column "{column}": its first line must name {", ".join(_COLUMNS)}')
+    moments: list[tuple[float, ...]] = []
+    for line in lines:
+        try:
+            moments.append(tuple(float(line[column]) for column in (_COLUMNS if turning else _COLUMNS[:4])))
+        except (TypeError, ValueError):
+            raise SceneError(
+                f"{name}: line {lines.line_num} is no moment: {len(_COLUMNS)} numbers are wanted"
+            ) from None
+        if not all(math.isfinite(value) for value in moments[-1]):
+            raise SceneError(f"{name}: line {lines.line_num} has a number that is not finite")
+    try:
+        return KeyframedMotion(
+            times=tuple(one[0] for one in moments),
+            places=tuple((one[1], one[2], one[3]) for one in moments),
+            quaternions=tuple((one[4], one[5], one[6], one[7]) if turning else (1.0, 0.0, 0.0, 0.0) for one in moments),
+            center=center,
+        )
+    except SceneError as error:
+        raise SceneError(f"{name}: {error}") from None
