@@ -44,6 +44,7 @@ MODULES = (
     "gasp_core.stepping.neighbours",
     "gasp_core.stepping.session",
     "gasp_core.stepping.signed_distances",
+    "gasp_core.stepping.rigid_motion",
     "gasp_core.stepping.voxel_cage",
     "gasp_core.discovery.hookspecs",
     "gasp_core.rendering.contract",
