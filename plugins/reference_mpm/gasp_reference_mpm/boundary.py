@@ -25,7 +25,7 @@ from gasp_core.contract import (
 from gasp_core.stepping.forcing import drives_at, force_fields_at, position_at_start, prescribed_velocities, walls_of
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside"]
+__all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "kept_out"]
 
 Array = NDArray[Any]
 
@@ -97,6 +97,30 @@ def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Arr
             speed = np.linalg.norm(tangential, axis=1, keepdims=True)
             kept = np.maximum(0.0, 1 + collider.friction * approach / np.where(speed > 0, speed, 1.0))
             return np.where(approach < 0, kept * tangential, velocities)
+
+
+def kept_out(
+    velocities: Array, positions: Array, half_widths: Array, colliders: Sequence[Collider], time: float, step: float
+) -> Array:
+    """Velocities (N, 3) [m/s] with which points move so that what they stand for does not enter a collider.
+
+    Nodes on a wall have no velocity into it, but the splines between them and those above reach half a cell behind the
+    wall: matter that flows would go on until it is there. A point that is nearer to the wall than half its width
+    (N,) [m] comes no nearer, and one that is farther off not nearer than that. What it gives to the grid is unchanged.
+    """
+    for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
+        sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
+        pose = None if wall.motion is None else pose_of(wall.motion, time)
+        places = positions if pose is None else pose.before(positions)
+        room = sign * wall.shape.signed_distance(places) - half_widths
+        normals = sign * wall.shape.outward_normal(places)
+        own = np.zeros_like(velocities)
+        if pose is not None:
+            normals, own = normals @ pose.rotation.T, pose.velocities(positions)
+        approach = np.sum((velocities - own) * normals, axis=1)
+        lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
+        velocities = velocities + lacking[:, None] * normals
+    return velocities
 
 
 def kept_inside(velocities: Array, positions: Array, domain: Domain, spacing: float) -> Array:

@@ -36,13 +36,14 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matter:
-    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, and whose matter
-    carries each tracer, (M,)."""
+    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, whose matter
+    carries each tracer, (M,), and the rows of what flows, (K,)."""
 
     masses: Array
     volumes: Array
     portions: tuple[tuple[Material, Array], ...]
     tracer_bodies: Array
+    flowing: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +84,7 @@ def matter_of(problem: PointProblem) -> Matter:
         volumes=problem.points.reference_volumes,
         portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
         tracer_bodies=tracer_bodies(problem.points),
+        flowing=np.flatnonzero([not isinstance(problem.materials[index], Elastic | NeoHookean) for index in ids]),
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, PointProblem
 from gasp_reference_mpm.bodies import looked, met
-from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside
+from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
@@ -69,8 +69,20 @@ def substep(
         # One that nothing moves may stay outside.
         inside = np.clip(tracers, problem.domain.lower - origin, problem.domain.upper - origin)
         tracers = np.where(np.any(carrying, axis=1)[:, None], inside, tracers)
+    advancing = point_velocities
+    flowing = matter.flowing
+    if len(flowing):
+        advancing = point_velocities.copy()
+        advancing[flowing] = kept_out(
+            point_velocities[flowing],
+            motion.positions[flowing] + origin,
+            0.5 * np.cbrt(matter.volumes[flowing]),
+            problem.colliders,
+            time,
+            step,
+        )
     moved = Motion(
-        positions=motion.positions + step * point_velocities,
+        positions=motion.positions + step * advancing,
         velocities=point_velocities,
         affine_velocities=affine_velocities,
         velocity_gradients=velocity_gradients,

@@ -9,7 +9,7 @@ from gasp_mpm_host import layout as at
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["acted", "confined", "constrain", "is_touched"]
+__all__ = ["acted", "confined", "constrain", "is_touched", "kept_out"]
 
 _BLOCK_RADIUS = 1.5 * 3**0.5
 """From the centre of a block of 4^3 nodes to its corners."""
@@ -150,6 +150,34 @@ def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: t
             touched = True
         row += at.COLLIDER_WIDTH
     return touched
+
+
+@ti.func
+def kept_out(
+    velocity, place, half_width, step, forcing: ti.template(), fields: ti.template(), control: ti.template(), wall_set
+):
+    """Velocity with which a point moves so that what it stands for enters no collider; see gasp-reference-mpm's."""
+    u = velocity
+    row = _first_wall(control, wall_set)
+    end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
+    while row < end:
+        side = forcing[row + 10]
+        before = _place_before(forcing, row, place)
+        room = side * _distance(forcing, fields, row, before) - half_width
+        # What is a cell away does not arrive within a step.
+        if room < 1.0:
+            n = side * _normal(forcing, fields, row, before)
+            own = u * 0
+            if forcing[row + 11] > 0:
+                back = n * 0
+                for d in ti.static(range(3)):
+                    back += n[d] * _triple(forcing, row + 18 + 3 * d)
+                n = back
+                own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(place - _triple(forcing, row + 15))
+            lacking = -ti.max(room, 0.0) / step - (u - own).dot(n)
+            u = u + ti.max(lacking, 0.0) * n
+        row += at.COLLIDER_WIDTH
+    return u
 
 
 @ti.func

@@ -150,7 +150,21 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.POINTS])
                         for p in range(begin, end):
-                            move_point(x, points, labels, grid, materials, batch, control, report, met, p)
+                            move_point(
+                                x,
+                                points,
+                                labels,
+                                grid,
+                                materials,
+                                batch,
+                                forcing,
+                                fields,
+                                control,
+                                report,
+                                met,
+                                first + step,
+                                p,
+                            )
                     elif phase == words.CARRY:
                         begin = share * words.POINTS_A_TICKET
                         end = ti.min(begin + words.POINTS_A_TICKET, control[words.TRACERS])
@@ -247,7 +261,7 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
         for q in range(control[words.APART]):
             update_block(grid, carrier, met, batch, forcing, fields, control, report, step, q)
         for p in range(control[words.POINTS]):
-            move_point(x, points, labels, grid, materials, batch, control, report, met, p)
+            move_point(x, points, labels, grid, materials, batch, forcing, fields, control, report, met, step, p)
         for p in range(control[words.TRACERS]):
             carry(tracers, homes, carrier, batch, control, report, met, p)
 

@@ -7,6 +7,7 @@ from gasp_mpm_host import layout as at
 
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
+from gasp_taichi_mpm.contact import kept_out
 from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.transfers import cell_of, has_drifted, make_overwrite
@@ -74,9 +75,12 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
         grid: ti.template(),
         materials: ti.template(),
         batch: ti.template(),
+        forcing: ti.template(),
+        fields: ti.template(),
         control: ti.template(),
         report: ti.template(),
         met: ti.template(),
+        drive_set,
         p,
     ):
         V, CX, CY, CZ, LX, LY, LZ = gather(x, grid, control, p)
@@ -108,7 +112,15 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                 for c in ti.static(range(3)):
                     for d in ti.static(range(3)):
                         points[r + words.DEFORMATION + c][d] = G[d, c]
-            place = x[p] + batch[words.STEP] * ti.Vector([V[0], V[1], V[2]])
+            u = ti.Vector([V[0], V[1], V[2]])
+            if ti.static(bool(kinds - {"elastic", "neo-hookean"})):
+                kind = ti.cast(materials[row + at.KIND], ti.i32)
+                if kind > ti.static(at.KINDS["neo-hookean"]) and control[words.COLLIDERS] > 0:
+                    column = labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER]
+                    true = x[p] - ti.cast(stand_of(met, control, column), ti.f64)
+                    half_width = ti.cast(points[r + words.HALF_SIDE][3], ti.f64)
+                    u = kept_out(u, true, half_width, batch[words.STEP], forcing, fields, control, drive_set)
+            place = x[p] + batch[words.STEP] * u
             if control[words.CLAMP] == 1:
                 held = 0
                 stand = stand_of(met, control, labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER])

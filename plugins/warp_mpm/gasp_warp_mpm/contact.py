@@ -11,7 +11,7 @@ from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.tables import Acting
 
-__all__ = ["acted", "confined", "constrain"]
+__all__ = ["acted", "confined", "constrain", "kept_out"]
 
 _ZERO = wp.float64(0.0)
 _ONE = wp.float64(1.0)
@@ -203,6 +203,31 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
                     u = u * wp.max(_ZERO, _ONE + friction * along / speed)
             if moves:
                 u = u + own
+    return u
+
+
+@wp.func
+def kept_out(s: Acting, velocity: wp.vec3d, place: wp.vec3d, half_width: wp.float64, step: wp.float64, wall_set: int):
+    """Velocity with which a point moves so that what it stands for enters no collider; see gasp-reference-mpm's."""
+    u = velocity * _ONE
+    for collider in range(s.colliders):
+        row = (s.moving * wall_set * s.colliders + collider) * at.COLLIDER_WIDTH
+        side = s.forcing[row + 10]
+        moves = s.forcing[row + 11] > _ZERO
+        before = place * _ONE
+        if moves:
+            before = _turned(s, row + 18, place - _triple(s.forcing, row + 15)) + _triple(s.forcing, row + 12)
+        room = side * _distance(s, row, before) - half_width
+        # What is a cell away does not arrive within a step.
+        if room < _ONE:
+            normal = side * _normal(s, row, before)
+            own = wp.vec3d()
+            if moves:
+                normal = _turned_back(s, row + 18, normal)
+                arm = place - _triple(s.forcing, row + 15)
+                own = _triple(s.forcing, row + 27) + wp.cross(_triple(s.forcing, row + 30), arm)
+            lacking = -wp.max(room, _ZERO) / step - wp.dot(u - own, normal)
+            u = u + wp.max(lacking, _ZERO) * normal
     return u
 
 

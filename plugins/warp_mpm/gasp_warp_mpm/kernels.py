@@ -19,6 +19,7 @@ from gasp_mpm_host.cells import COLOURS
 from gasp_warp_mpm.barrier import take_next, wait_for_all
 from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
+from gasp_warp_mpm.contact import kept_out
 from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.phases import make_phases
@@ -74,6 +75,7 @@ def make_kernels(
     spread, move_elastic, move_neo_hookean = lines.spread, lines.move_elastic, lines.move_neo_hookean
     advance = make_response(double, kinds, advance=True)
     stress_of = make_response(double, kinds, advance=False)
+    flows = bool(kinds - {"elastic", "neo-hookean"})
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
     zero = real(0.0)
     no_pool, no_corner = wp.uint64(0), wp.vec3i()
@@ -91,7 +93,7 @@ def make_kernels(
     # ---- points -----------------------------------------------------------------------------------------------------
 
     @wp.func
-    def move_point(s: Tables, acting: Acting, p: int):
+    def move_point(s: Tables, acting: Acting, drive_set: int, p: int):
         """Grid to point, then F, the return mapping and the stress that the next scatter reads."""
         v, C, L = gather(s, p)
         o = p * at.POINT_WIDTH
@@ -107,7 +109,14 @@ def make_kernels(
         write9(s.points, o + at.DEFORMATION, F)
         write9(s.points, o + at.AFFINE, C)
         s.points[o + at.HISTORY] = gain
-        place = s.x[p] + s.step * wp.vec3d(v)
+        u = wp.vec3d(v)
+        if flows:
+            if int(s.materials[material_row(s, p) + at.KIND]) > is_neo_hookean and acting.colliders > 0:
+                column = 3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4)
+                aside = wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
+                half_width = wp.float64(s.points[o + at.HALF_SIDE])
+                u = kept_out(acting, u, s.x[p] - aside, half_width, s.step, drive_set)
+        place = s.x[p] + s.step * u
         if acting.clamp == 1:
             for d in range(3):
                 stand = wp.float64(s.stands[3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4) + d])
@@ -158,7 +167,7 @@ def make_kernels(
         return row
 
     @wp.func
-    def move_group(s: Tables, acting: Acting, begin: int):
+    def move_group(s: Tables, acting: Acting, drive_set: int, begin: int):
         """Points begin .. begin + GROUP: those of one material together, where there is a native body for it."""
         row = int(-1)
         if native:
@@ -175,7 +184,7 @@ def make_kernels(
                 left = move_neo_hookean(s, acting, begin, row)
         if left < 0:
             for p in range(begin, wp.min(begin + GROUP, s.count)):
-                move_point(s, acting, p)
+                move_point(s, acting, drive_set, p)
         elif left > 0:
             for lane in range(GROUP):
                 if (left >> lane) & 1 == 1:
@@ -246,12 +255,12 @@ def make_kernels(
             q = s.colours[colour] + take_next(meeting, 1)
 
     @wp.func
-    def move_share(s: Tables, acting: Acting, meeting: Meeting):
+    def move_share(s: Tables, acting: Acting, drive_set: int, meeting: Meeting):
         p = take_next(meeting, _POINTS)
         while p < s.count:
             for group in range(_POINTS // GROUP):
                 if p + group * GROUP < s.count:
-                    move_group(s, acting, p + group * GROUP)
+                    move_group(s, acting, drive_set, p + group * GROUP)
             p = take_next(meeting, _POINTS)
         # The numbers go on: tracers come after the points.
         points = (s.count + _POINTS - 1) // _POINTS * _POINTS
@@ -293,7 +302,7 @@ def make_kernels(
                     scatter_tiles(s, workers, meeting, yield_address)
                     update_share(s, acting, first + step, meeting)
                     wait_for_all(meeting, workers, yield_address)
-                    move_share(s, acting, meeting)
+                    move_share(s, acting, first + step, meeting)
                     if worker == 0:
                         s.report[STEPS_DONE] = s.report[STEPS_DONE] + 1
                     wait_for_all(meeting, workers, yield_address)

@@ -72,7 +72,7 @@ def make_phases(
     def move(s: Tables, acting: Acting):
         """Grid to a point."""
         if s.report[HALTED] == 0:
-            move_point(s, acting, wp.tid())
+            move_point(s, acting, s.report[NEXT_STEP], wp.tid())
 
     @wp.kernel(module=module, enable_backward=False)
     def carry(s: Tables, acting: Acting):
