@@ -15,10 +15,11 @@ from scipy.optimize import curve_fit
 
 from gasp_conformance import capability_oracles as exact
 from gasp_conformance import oracles
-from gasp_conformance.clouds import box_of_points, cloud_of
+from gasp_conformance.clouds import POINTS_PER_CELL, box_of_points, cloud_of
 from gasp_conformance.observables import damped_oscillation, mode_amplitude
 from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Journal, Subject
+from gasp_conformance.wall_cases import floor_of
 from gasp_core.contract import (
     Collider,
     ContactCondition,
@@ -62,6 +63,7 @@ __all__ = [
     "snow_is_pulled_and_swings",
     "snow_is_torn",
     "unyielding",
+    "spreads_on_a_floor",
 ]
 
 Array = NDArray[Any]
@@ -264,6 +266,27 @@ def bar_stretches_far(subject: Subject, material: Solid, stress: Any, other_stre
         return math.sqrt(float(np.mean(displacements**2))) / amplitude
 
     return size(state.positions[:, 0] - bar[:, 0] - own), size(other - own)
+
+
+def spreads_on_a_floor(subject: Subject, material: Material) -> tuple[float, float]:
+    """A block of matter that flows, let go on a floor for 0.6 s: by how much the surface is under the floor [cells].
+
+    Returns
+    -------
+    In the mean of the lowest layer, and of its lowest percent; a point stands for a quarter of a cell on either side.
+    """
+    spacing, cells = 0.05, 5
+    block = box_of_points((0.013, 0.021, 0.0), (cells, cells, cells), spacing)
+    problem = PointProblem(
+        points=cloud_of([block], [(0.0, 0.0, 0.0)], spacing),
+        materials=(material,),
+        colliders=(Collider(shape=floor_of(subject), friction=0.3),),
+    )
+    (state,) = subject.states(problem, EngineAccuracy(spacing=spacing), [0.6])
+    heights = np.sort(state.positions[:, 2])
+    layer = heights[: (cells * POINTS_PER_CELL) ** 2]
+    half = spacing / POINTS_PER_CELL / 2
+    return float(half - layer.mean()) / spacing, float(half - np.quantile(heights, 0.01)) / spacing
 
 
 def loose_block_parts(subject: Subject, material: Material, gradient: ArrayLike, time: float) -> tuple[float, float]:

@@ -218,6 +218,25 @@ def test_sand_bears_no_tension(subject: Subject, ledger: Ledger) -> None:
     ledger.at_most("sand", "way not gone where nothing holds", off, surface + 1 / 36)
 
 
+def stays_on_a_floor(ledger: Ledger, subject: Subject, material: Material) -> None:
+    """A wall is felt to a share of a cell: matter at rest on it is where it is to a third of one."""
+    mean, lowest = material_cases.spreads_on_a_floor(subject, material)
+    ledger.at_most(f"{material.kind} on a floor", "surface below it [cells]", max(mean, 0.0), 1 / 3)
+    ledger.at_most(f"{material.kind} on a floor", "lowest percent below it [cells]", max(lowest, 0.0), 1 / 3)
+
+
+@check("material:sand[floor]", Level.CAPABILITY)
+def test_sand_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
+    """A block of sand that falls apart on a floor does not sink into it."""
+    stays_on_a_floor(ledger, subject, Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2))
+
+
+@check("material:fluid[floor]", Level.CAPABILITY)
+def test_fluid_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
+    """A block of water that spreads on a floor does not sink into it."""
+    stays_on_a_floor(ledger, subject, Fluid(density=1000.0, bulk_modulus=1e5))
+
+
 @check("material:sand[friction]", Level.CAPABILITY)
 def test_sand_has_its_friction_angle(subject: Subject, ledger: Ledger) -> None:
     """On a rough slope of 22 degrees sand of 40 degrees stays, and sand of 10 degrees flows as its angle says."""

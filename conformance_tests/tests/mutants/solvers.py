@@ -36,6 +36,21 @@ class InsideOut(Mutant):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {}
 
 
+def _as_it_flows(velocities: Array, *_: Any) -> Array:
+    return velocities
+
+
+@mutant(
+    "sinks-into-floors",
+    {"material:sand[floor]": "surface below it", "material:fluid[floor]": "surface below it"},
+    slow=["material:sand[floor]"],
+)
+class SinksIntoFloors(InsideOut):
+    """Points go with the splines, which reach half a cell behind a wall."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.kept_out": _as_it_flows}
+
+
 def _linear_stress(deformation: Array, mu: float, lame: float) -> Array:
     strain = (deformation + deformation.swapaxes(1, 2)) / 2 - np.eye(3)
     stress = 2 * mu * strain + lame * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)

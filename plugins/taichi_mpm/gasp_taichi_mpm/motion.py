@@ -66,6 +66,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
     overwrite = make_overwrite(real)
     write_response = make_write_response(real)
     flows = bool(kinds - {"elastic", "neo-hookean", "fluid"})
+    yields = bool(kinds - {"elastic", "neo-hookean"})
 
     @ti.func
     def move_point(
@@ -113,7 +114,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                     for d in ti.static(range(3)):
                         points[r + words.DEFORMATION + c][d] = G[d, c]
             u = ti.Vector([V[0], V[1], V[2]])
-            if ti.static(bool(kinds - {"elastic", "neo-hookean"})):
+            if ti.static(yields):
                 kind = ti.cast(materials[row + at.KIND], ti.i32)
                 if kind > ti.static(at.KINDS["neo-hookean"]) and control[words.COLLIDERS] > 0:
                     column = labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER]
