@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, RigidMotion, Side, SphereShape
 from gasp_core.errors import RenderingError
 from gasp_core.gaussians import rotation_quaternions
+from gasp_core.stepping.rigid_motion import Pose, pose_of
 from gasp_viewer.colouring import round_up
 from gasp_viewer.display_units import SIZE, Stage
 
-__all__ = ["add_scenery", "box_edges", "grid_cell", "plane_pose"]
+__all__ = ["Mover", "add_scenery", "box_edges", "grid_cell", "plane_pose", "pose_on_stage"]
 
 Array = NDArray[Any]
 
@@ -28,12 +30,36 @@ _AMBIENT = 1.5
 _PLANE_SIZE = 6 * SIZE
 
 
-def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Stage) -> None:
-    """Put colliders and lights on the stage."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mover:
+    """A collider that moves: the frame on the page that it hangs in."""
+
+    handle: viser.FrameHandle
+    motion: RigidMotion
+    stage: Stage
+
+    def show(self, time: float) -> None:
+        """Put it where it is at a time [s]."""
+        self.handle.position, self.handle.wxyz = pose_on_stage(pose_of(self.motion, time), self.stage)
+
+
+def pose_on_stage(pose: Pose, stage: Stage) -> tuple[Array, Array]:
+    """Where on the stage is what was at its origin, (3,), and the turn about it, a quaternion w x y z."""
+    now = pose.place + pose.rotation @ (stage.origin - pose.center)
+    return stage.place(now), rotation_quaternions(pose.rotation[None])[0]
+
+
+def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Stage) -> list[Mover]:
+    """Put colliders and lights on the stage; those that move are given back, to be shown where they are."""
     scene.configure_default_lights(cast_shadow=False)
     scene.add_light_ambient("/light", intensity=_AMBIENT)
+    movers: list[Mover] = []
     for index, collider in enumerate(colliders):
         name, contains = f"/colliders/{index}", collider.side is Side.INSIDE
+        if collider.motion is not None:
+            movers.append(Mover(handle=scene.add_frame(name, show_axes=False), motion=collider.motion, stage=stage))
+            movers[-1].show(0.0)
+            name += "/shape"
         match collider.shape:
             case HalfSpace():
                 _add_plane(scene, name, collider.shape, stage, contains)
@@ -63,6 +89,7 @@ def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Sta
                 )
             case _:
                 raise RenderingError(f"a collider of kind {collider.shape.kind} cannot be shown")
+    return movers
 
 
 def grid_cell(stage: Stage) -> float:

@@ -120,7 +120,7 @@ class Session:
         self._wake = threading.Event()
         footage = exhibit.footage
         is_run = isinstance(footage, RecordedFootage)
-        add_scenery(server.scene, footage.colliders, exhibit.stage)
+        self._movers = add_scenery(server.scene, footage.colliders, exhibit.stage)
         self.panel = Panel(
             server,
             layers=exhibit.layers,
@@ -285,6 +285,8 @@ class Session:
         if isinstance(found, Picture) and found is not self._picture:
             self._picture = found
             self._display.show(found.packed)
+            for mover in self._movers:
+                mover.show(frame / self._exhibit.footage.frame_rate)
             self.panel.set_legend(self._legend(found))
         failure = found.message if isinstance(found, Failure) else ""
         self.panel.set_message(self._news.problem or failure)
