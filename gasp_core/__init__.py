@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         Foam,
         HalfSpace,
         Impulse,
+        KeyframedMotion,
         Metal,
         NeoHookean,
         Pinned,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         Side,
         Snow,
         SphereShape,
+        SteadyMotion,
         Wind,
     )
     from gasp_core.errors import GaspError
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from gasp_core.scene import (
         Bend,
         CameraChoice,
+        ContactRule,
         EngineChoice,
         Floaters,
         FrameSequence,
@@ -70,6 +73,7 @@ __all__ = [
     "Collider",
     "Comparison",
     "ContactCondition",
+    "ContactRule",
     "Domain",
     "DomainPolicy",
     "Driven",
@@ -84,6 +88,7 @@ __all__ = [
     "Gaussians",
     "HalfSpace",
     "Impulse",
+    "KeyframedMotion",
     "MapChoice",
     "Metal",
     "NeoHookean",
@@ -104,6 +109,7 @@ __all__ = [
     "SolidOptions",
     "SphereShape",
     "SplatObject",
+    "SteadyMotion",
     "Swing",
     "VaryingMaterial",
     "Wave",
@@ -123,7 +129,8 @@ _HOMES = {
     "gasp_core.studies.comparison": "Comparison compare",
     "gasp_core.contract": (
         "BoxShape Collider ContactCondition Domain DomainPolicy Driven Elastic EngineAccuracy Fluid Foam HalfSpace"
-        " Impulse Metal NeoHookean Pinned Plasticine Precision Rigid Sand Side Snow SphereShape Wind"
+        " Impulse KeyframedMotion Metal NeoHookean Pinned Plasticine Precision Rigid Sand Side Snow SphereShape"
+        " SteadyMotion Wind"
     ),
     "gasp_core.errors": "GaspError",
     "gasp_core.gaussians": "Gaussians",
@@ -131,8 +138,8 @@ _HOMES = {
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
-        "Bend CameraChoice EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion RecordingChoice"
-        " Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset scene_to_toml"
+        "Bend CameraChoice ContactRule EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion"
+        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",

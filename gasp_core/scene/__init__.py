@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.columns import PlyProperty
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
@@ -17,6 +18,7 @@ from gasp_core.scene.writing import scene_to_toml
 __all__ = [
     "Bend",
     "CameraChoice",
+    "ContactRule",
     "EngineChoice",
     "Floaters",
     "FrameSequence",
