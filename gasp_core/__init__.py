@@ -139,7 +139,8 @@ _HOMES = {
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "Bend CameraChoice ContactRule EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion"
-        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset scene_to_toml"
+        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset"
+        " scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",
