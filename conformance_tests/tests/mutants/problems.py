@@ -589,7 +589,7 @@ class SandModulusIgnored(Mutant):
 
     def problem(self, problem: PointProblem) -> PointProblem:
         return with_materials(
-            problem, lambda one: replace(one, youngs_modulus=4 * one.youngs_modulus) if isinstance(one, Sand) else one
+            problem, lambda one: replace(one, youngs_modulus=8 * one.youngs_modulus) if isinstance(one, Sand) else one
         )
 
 

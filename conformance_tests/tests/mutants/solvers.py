@@ -118,8 +118,8 @@ class StepsByStiffnessAlone(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.substep_size": _step_of_stiffness}
 
 
-def _braked(velocities: Array, places: Array, colliders: Sequence[Collider], spacing: float) -> Array:
-    return 0.9 * velocities + 0.1 * collided(velocities, places, colliders, spacing)
+def _braked(velocities: Array, places: Array, colliders: Sequence[Collider], time: float, spacing: float) -> Array:
+    return 0.9 * velocities + 0.1 * collided(velocities, places, colliders, time, spacing)
 
 
 @mutant("walls-brake", {"speed": r"points beyond \[m\]"})
