@@ -106,7 +106,7 @@ def kept_out(
 
     Nodes on a wall have no velocity into it, but the splines between them and those above reach half a cell behind the
     wall: matter that flows would go on until it is there. A point that is nearer to the wall than half its width
-    (N,) [m] comes no nearer, and one that is farther off not nearer than that. What it gives to the grid is unchanged.
+    (N,) [m] comes no nearer, and one that is farther off not nearer than that. The wall takes what it had towards it.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         sign = 1.0 if wall.side is Side.OUTSIDE else -1.0

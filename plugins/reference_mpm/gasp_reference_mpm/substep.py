@@ -83,7 +83,7 @@ def substep(
         )
     moved = Motion(
         positions=motion.positions + step * advancing,
-        velocities=point_velocities,
+        velocities=advancing,
         affine_velocities=affine_velocities,
         velocity_gradients=velocity_gradients,
         deformations=deformations,

@@ -121,6 +121,8 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                     true = x[p] - ti.cast(stand_of(met, control, column), ti.f64)
                     half_width = ti.cast(points[r + words.HALF_SIDE][3], ti.f64)
                     u = kept_out(u, true, half_width, batch[words.STEP], forcing, fields, control, drive_set)
+                    for d in ti.static(range(3)):
+                        points[r + words.VELOCITY][d] = ti.cast(u[d], real)
             place = x[p] + batch[words.STEP] * u
             if control[words.CLAMP] == 1:
                 held = 0
@@ -128,11 +130,11 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                 for d in ti.static(range(3)):
                     if place[d] < batch[words.WALL_LOW + d] + stand[d]:
                         place[d] = batch[words.WALL_LOW + d] + stand[d]
-                        points[r + words.VELOCITY][d] = ti.max(ti.cast(V[d], real), real(0.0))
+                        points[r + words.VELOCITY][d] = ti.max(points[r + words.VELOCITY][d], real(0.0))
                         held = 1
                     elif place[d] > batch[words.WALL_HIGH + d] + stand[d]:
                         place[d] = batch[words.WALL_HIGH + d] + stand[d]
-                        points[r + words.VELOCITY][d] = ti.min(ti.cast(V[d], real), real(0.0))
+                        points[r + words.VELOCITY][d] = ti.min(points[r + words.VELOCITY][d], real(0.0))
                         held = 1
                 if held == 1:
                     ti.atomic_add(report[words.CLAMPED], 1)

@@ -20,6 +20,7 @@ from gasp_warp_mpm.barrier import take_next, wait_for_all
 from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.constitutive import make_response
 from gasp_warp_mpm.contact import kept_out
+from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.phases import make_phases
@@ -77,7 +78,7 @@ def make_kernels(
     stress_of = make_response(double, kinds, advance=False)
     flows = bool(kinds - {"elastic", "neo-hookean"})
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
-    zero = real(0.0)
+    zero, vec3 = real(0.0), algebra(real).vec3
     no_pool, no_corner = wp.uint64(0), wp.vec3i()
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
@@ -116,6 +117,7 @@ def make_kernels(
                 aside = wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
                 half_width = wp.float64(s.points[o + at.HALF_SIDE])
                 u = kept_out(acting, u, s.x[p] - aside, half_width, s.step, drive_set)
+                v = vec3(real(u[0]), real(u[1]), real(u[2]))
         place = s.x[p] + s.step * u
         if acting.clamp == 1:
             for d in range(3):
