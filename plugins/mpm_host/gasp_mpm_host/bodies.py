@@ -65,9 +65,18 @@ def stands_for(home: Array, bodies: Array, stands: Array, margin: int = 0) -> Ar
         packed[body] = -((lowest[row] - begin) // _STEP) * _STEP
         begin[0] = lowest[row, 0] + packed[body, 0] + shapes[row, 0] + _ROOM * _STEP
     starts = lowest + stands[filled]
-    apart = np.all((starts + shapes)[:-1, 0] <= starts[1:, 0])
+    apart = bool(np.all((starts + shapes)[:-1, 0] <= starts[1:, 0]))
     wasteful = _nodes(starts, shapes) > _WASTE * _nodes(lowest + packed[filled], shapes)
+    # Where nobody is near another one all may stay where they are: a place far from the origin has fewer digits.
+    apart = apart or (margin == 0 and not stands.any() and _disjoint(lowest, shapes))
     return stands if apart and not wasteful else packed
+
+
+def _disjoint(lowest: Array, shapes: Array) -> bool:
+    """Whether no two of the boxes (B, 3) have a node in common."""
+    highest = lowest + shapes
+    apart = (highest[:, None] <= lowest) | (lowest[:, None] >= highest)
+    return bool((apart.any(axis=2) | np.eye(len(lowest), dtype=np.bool_)).all())
 
 
 def _nodes(lowest: Array, shapes: Array) -> float:
