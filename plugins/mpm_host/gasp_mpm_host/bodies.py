@@ -132,16 +132,11 @@ class Meetings:
     near_begins: Array
 
 
-def meetings(
-    problem: PointProblem, keys: Array, bodies: Array, stands: Array, active: Array, tables: CellTables
-) -> Meetings:
-    """Of sorted points whose cells have these `keys` (N,), on the grid of `tables`.
-
-    `bodies` (N,) say whose they are, and `active` (A,) which blocks are active.
-    """
+def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array, tables: CellTables) -> Meetings:
+    """Of points in the order of `tables`; `bodies` (N,) say whose they are, `active` (A,) which blocks are active."""
     if len(stands) == 1:
         return _nothing(active)
-    blocks = tables.shape // BLOCK
+    keys, blocks = tables.keys, tables.shape // BLOCK
     cells, first = np.unique(keys, return_index=True)
     whose = bodies[first]
     count = int(np.prod(blocks))

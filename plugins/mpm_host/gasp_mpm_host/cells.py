@@ -53,6 +53,8 @@ class CellTables:
         Nodes along each axis, multiples of 4.
     order : (N,) int32
         Rows in their new order: by block, then by cell, then as they were.
+    keys : (N,) int32
+        Numbers of their cells (`cell_keys`), in the new order.
     tiles : (K, 2) int32
         First row and end of every occupied block's points, by colour.
     colour_offsets : (9,) int32
@@ -64,6 +66,7 @@ class CellTables:
     lower: Array
     shape: Array
     order: Array
+    keys: Array
     tiles: Array
     colour_offsets: Array
     active: Array
@@ -146,6 +149,7 @@ def arrange(home: Array, limit: int, margin: int = 0) -> CellTables:
         lower=lower,
         shape=shape,
         order=order,
+        keys=keys,
         tiles=tiles,
         colour_offsets=offsets,
         active=np.flatnonzero(reached).astype(np.int32),

@@ -19,7 +19,7 @@ from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings, bodies_of_columns, meetings, stands_for
-from gasp_mpm_host.cells import BLOCK, CellTables, arrange, cell_keys
+from gasp_mpm_host.cells import BLOCK, CellTables, arrange
 from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
@@ -101,7 +101,7 @@ class SortedCloud(ABC):
             found = self._tabulate(homes)
             if not np.array_equal(found.order, np.arange(self._count)):
                 raise SceneError(f"{engine}: the checkpoint's points are not in the order of their cells: {DAMAGED}")
-            self._wake(tracers, found, homes)
+            self._wake(tracers, found)
 
     def _kept_stands(self, restart: Mapping[str, Array], engine: str) -> Array:
         """The bodies' stands as `checkpoint` kept them; refused where no run has written them."""
@@ -183,24 +183,23 @@ class SortedCloud(ABC):
             raise FarAwayError
         self._settle()
         tracers = self._tracer_rows()
-        change = self._put_apart()
+        homes = self._label_rows()[:, at.HOME : at.HOME + 3]
+        change = self._put_apart(homes)
         if change.any():
             self._place(self._cell_rows() + change[self._bodies[self._ids]])
             self._settle()
             tracers = tracers.standing(change[self._tracer_bodies[tracers.ids]])
-        homes = self._label_rows()[:, at.HOME : at.HOME + 3]
+            homes = self._label_rows()[:, at.HOME : at.HOME + 3]
         found = self._tabulate(homes)
-        homes = homes[found.order]
         self._permute(found.order)
         self._ids = self._ids[found.order]
-        self._wake(tracers.settled(), found, homes)
+        self._wake(tracers.settled(), found)
 
-    def _put_apart(self) -> Array:
-        """By how much the bodies' stands (B, 3) have to change so that none is in another's way, and did."""
+    def _put_apart(self, homes: Array) -> Array:
+        """By how much the stands (B, 3) of the bodies, whose points are in `homes`, had to change and did."""
         bodies = self._bodies[self._ids]
         margin = TRACER_MARGIN if self._traced else 0
-        homes = self._label_rows()[:, at.HOME : at.HOME + 3] - self._stands[bodies]
-        found = stands_for(homes, bodies, self._stands, margin)
+        found = stands_for(homes - self._stands[bodies], bodies, self._stands, margin)
         change = found - self._stands
         self._stands = found
         return change
@@ -218,18 +217,16 @@ class SortedCloud(ABC):
             self._make_room(self._capacity)
         return found
 
-    def _wake(self, rows: TracerRows, found: CellTables, homes: Array) -> None:
-        """Sort the tracers, make the blocks active that they read, and see which bodies, of points in `homes`, meet."""
+    def _wake(self, rows: TracerRows, found: CellTables) -> None:
+        """Sort the tracers, make the blocks active that they read, and see which bodies meet."""
         column = (rows.homes[:, 0].astype(np.int64) - found.lower[0]) // BLOCK
         there = self._columns[np.clip(column, 0, len(self._columns) - 1)]
         woken = arrange_tracers(rows.homes, found, there == self._tracer_bodies[rows.ids])
         rows = rows.sorted(woken.order)
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
-        keys = cell_keys(homes, found.lower, found.shape // BLOCK)
-        self._set_active(
-            woken, found, meetings(self._problem, keys, self._bodies[self._ids], self._stands, woken.active, found)
-        )
+        met = meetings(self._problem, self._bodies[self._ids], self._stands, woken.active, found)
+        self._set_active(woken, found, met)
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import bodies_of_columns, meetings, stands_for
-from gasp_mpm_host.cells import BLOCK, arrange, cell_keys, grid_box
+from gasp_mpm_host.cells import BLOCK, arrange, grid_box
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -37,8 +37,7 @@ def arranged(home, bodies, **contacts):
     cells = (home + stands[bodies]).astype(np.int32)
     tables = arrange(cells, 2**40)
     cells, bodies = cells[tables.order], bodies[tables.order]
-    keys = cell_keys(cells, tables.lower, tables.shape // BLOCK)
-    met = meetings(problem_of(bodies, **contacts), keys, bodies, stands, tables.active, tables)
+    met = meetings(problem_of(bodies, **contacts), bodies, stands, tables.active, tables)
     return stands, cells, bodies, tables, met
 
 

@@ -84,7 +84,7 @@ def matter_of(problem: PointProblem) -> Matter:
         volumes=problem.points.reference_volumes,
         portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
         tracer_bodies=tracer_bodies(problem.points),
-        flowing=np.flatnonzero([not isinstance(problem.materials[index], Elastic | NeoHookean) for index in ids]),
+        flowing=np.flatnonzero(np.array([not isinstance(one, Elastic | NeoHookean) for one in problem.materials])[ids]),
     )
 
 
