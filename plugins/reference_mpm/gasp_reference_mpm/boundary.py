@@ -69,19 +69,28 @@ def collided(velocities: Array, positions: Array, colliders: Sequence[Collider],
     A collider that moves is met in its own frame: nodes where they would be there, velocities relative to its own.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
-        sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
-        pose = None if wall.motion is None else pose_of(wall.motion, time)
-        places = positions if pose is None else pose.before(positions)
-        touching = sign * wall.shape.signed_distance(places) <= TOUCH * spacing
-        normal = sign * wall.shape.outward_normal(places[touching])
+        touching = _rooms(wall, positions, time) <= TOUCH * spacing
+        normals, own = _surface(wall, positions[touching], time)
         velocities = velocities.copy()
-        if pose is None:
-            velocities[touching] = _after_contact(velocities[touching], normal, wall)
-        else:
-            own = pose.velocities(positions[touching])
-            normal = normal @ pose.rotation.T
-            velocities[touching] = own + _after_contact(velocities[touching] - own, normal, wall)
+        velocities[touching] = own + _after_contact(velocities[touching] - own, normals, wall)
     return velocities
+
+
+def _rooms(wall: Collider, positions: Array, time: float) -> Array:
+    """Distances (N,) [m] to a collider's surface, negative where matter may not be."""
+    sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
+    places = positions if wall.motion is None else pose_of(wall.motion, time).before(positions)
+    return sign * wall.shape.signed_distance(places)
+
+
+def _surface(wall: Collider, positions: Array, time: float) -> tuple[Array, Array]:
+    """Unit normals (N, 3) towards where matter may be, and a collider's own velocities (N, 3) [m/s]."""
+    sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
+    if wall.motion is None:
+        return sign * wall.shape.outward_normal(positions), np.zeros_like(positions)
+    pose = pose_of(wall.motion, time)
+    normals = sign * wall.shape.outward_normal(pose.before(positions))
+    return normals @ pose.rotation.T, pose.velocities(positions)
 
 
 def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Array:
@@ -109,14 +118,8 @@ def kept_out(
     (N,) [m] comes no nearer, and one that is farther off not nearer than that. The wall takes what it had towards it.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
-        sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
-        pose = None if wall.motion is None else pose_of(wall.motion, time)
-        places = positions if pose is None else pose.before(positions)
-        room = sign * wall.shape.signed_distance(places) - half_widths
-        normals = sign * wall.shape.outward_normal(places)
-        own = np.zeros_like(velocities)
-        if pose is not None:
-            normals, own = normals @ pose.rotation.T, pose.velocities(positions)
+        room = _rooms(wall, positions, time) - half_widths
+        normals, own = _surface(wall, positions, time)
         approach = np.sum((velocities - own) * normals, axis=1)
         lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
         velocities = velocities + lacking[:, None] * normals

@@ -116,20 +116,38 @@ def _normal(table: ti.template(), fields: ti.template(), row, node):
 
 
 @ti.func
+def _turned(table: ti.template(), row, v):
+    """By the rotation whose rows at `row` are."""
+    return ti.Vector([_triple(table, row + 3 * d).dot(v) for d in range(3)])
+
+
+@ti.func
 def _first_wall(control: ti.template(), wall_set):
     """Where the rows of the colliders begin for this step."""
     return control[words.MOVING] * wall_set * control[words.COLLIDERS] * at.COLLIDER_WIDTH
 
 
 @ti.func
-def _place_before(forcing: ti.template(), row, node):
-    """Where a node is for the collider at `row`, in the frame in which that stands."""
-    place = node
+def _before(forcing: ti.template(), row, place):
+    """Where a place is for the collider at `row`, in the frame in which that stands."""
+    found = place
     if forcing[row + 11] > 0:
-        arm = node - _triple(forcing, row + 15)
-        turned = ti.Vector([_triple(forcing, row + 18 + 3 * d).dot(arm) for d in range(3)])
-        place = turned + _triple(forcing, row + 12)
-    return place
+        found = _turned(forcing, row + 18, place - _triple(forcing, row + 15)) + _triple(forcing, row + 12)
+    return found
+
+
+@ti.func
+def _surface(forcing: ti.template(), fields: ti.template(), row, place, before):
+    """Of the collider at `row`, at a place: the normal towards where matter may be, and its own velocity."""
+    normal = forcing[row + 10] * _normal(forcing, fields, row, before)
+    own = normal * 0
+    if forcing[row + 11] > 0:
+        back = normal * 0
+        for d in ti.static(range(3)):
+            back += normal[d] * _triple(forcing, row + 18 + 3 * d)
+        normal = back
+        own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(place - _triple(forcing, row + 15))
+    return normal, own
 
 
 @ti.func
@@ -146,7 +164,7 @@ def is_touched(centre, forcing: ti.template(), fields: ti.template(), control: t
         reach = ti.f64(_BLOCK_RADIUS + 2 * at.TOUCH)
         if ti.cast(forcing[row], ti.i32) == at.FIELD:
             reach = 2 * reach
-        if forcing[row + 10] * _distance(forcing, fields, row, _place_before(forcing, row, centre)) <= reach:
+        if forcing[row + 10] * _distance(forcing, fields, row, _before(forcing, row, centre)) <= reach:
             touched = True
         row += at.COLLIDER_WIDTH
     return touched
@@ -161,19 +179,11 @@ def kept_out(
     row = _first_wall(control, wall_set)
     end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
     while row < end:
-        side = forcing[row + 10]
-        before = _place_before(forcing, row, place)
-        room = side * _distance(forcing, fields, row, before) - half_width
+        before = _before(forcing, row, place)
+        room = forcing[row + 10] * _distance(forcing, fields, row, before) - half_width
         # What is a cell away does not arrive within a step.
         if room < 1.0:
-            n = side * _normal(forcing, fields, row, before)
-            own = u * 0
-            if forcing[row + 11] > 0:
-                back = n * 0
-                for d in ti.static(range(3)):
-                    back += n[d] * _triple(forcing, row + 18 + 3 * d)
-                n = back
-                own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(place - _triple(forcing, row + 15))
+            n, own = _surface(forcing, fields, row, place, before)
             lacking = -ti.max(room, 0.0) / step - (u - own).dot(n)
             u = u + ti.max(lacking, 0.0) * n
         row += at.COLLIDER_WIDTH
@@ -207,14 +217,8 @@ def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.te
     drives_end = row + control[words.DRIVES] * at.DRIVE_WIDTH
     while row < drives_end:
         arm = node - _triple(forcing, row + 11)
-        back = ti.Vector(
-            [
-                _triple(forcing, row + 14).dot(arm),
-                _triple(forcing, row + 17).dot(arm),
-                _triple(forcing, row + 20).dot(arm),
-            ]
-        )
-        if _distance(forcing, fields, row, back + _triple(forcing, row + 8)) <= ti.f64(at.TOUCH):
+        back = _turned(forcing, row + 14, arm) + _triple(forcing, row + 8)
+        if _distance(forcing, fields, row, back) <= ti.f64(at.TOUCH):
             u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
             held = True
         row += at.DRIVE_WIDTH
@@ -240,19 +244,11 @@ def confined(
     row = _first_wall(control, wall_set)
     colliders_end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
     while row < colliders_end:
-        side = forcing[row + 10]
-        place = _place_before(forcing, row, node)
-        if side * _distance(forcing, fields, row, place) <= ti.f64(at.TOUCH):
+        before = _before(forcing, row, node)
+        if forcing[row + 10] * _distance(forcing, fields, row, before) <= ti.f64(at.TOUCH):
             contact = ti.cast(forcing[row + 8], ti.i32)
-            n = side * _normal(forcing, fields, row, place)
-            own = u * 0
-            if forcing[row + 11] > 0:
-                back = n * 0
-                for d in ti.static(range(3)):
-                    back += n[d] * _triple(forcing, row + 18 + 3 * d)
-                n = back
-                own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(node - _triple(forcing, row + 15))
-                u = u - own
+            n, own = _surface(forcing, fields, row, node, before)
+            u = u - own
             along = u.dot(n)
             if contact == at.STICK:
                 u = u * 0

@@ -10,7 +10,7 @@ from gasp_mpm_host import layout as at
 from gasp_core.stepping.mpm import FULL_PRESENCE
 from gasp_warp_mpm.contact import constrain
 from gasp_warp_mpm.decompositions import algebra
-from gasp_warp_mpm.tables import CLAMPED, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, Acting, stand_of, tables_of
 
 __all__ = ["BLOCK_NODES", "make_blocks"]
 
@@ -102,9 +102,8 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
         v = vec4()
         if g[3] > least_mass:
             velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
-            column = 3 * (corner[0] // 4)
-            stand = wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2])
-            u, held = constrain(acting, velocity, wp.vec3d(s.lower + node - stand), drive_set)
+            place = wp.vec3d(s.lower + node - stand_of(s.stands, corner[0]))
+            u, held = constrain(acting, velocity, place, drive_set)
             v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
             if held == 1:
                 s.report[CLAMPED] = 1

@@ -125,6 +125,44 @@ def _normal(s: Acting, row: int, node: wp.vec3d):
 
 
 @wp.func
+def _turned(s: Acting, row: int, v: wp.vec3d):
+    """By the rotation whose rows at `row` are."""
+    return wp.vec3d(
+        wp.dot(_triple(s.forcing, row), v),
+        wp.dot(_triple(s.forcing, row + 3), v),
+        wp.dot(_triple(s.forcing, row + 6), v),
+    )
+
+
+@wp.func
+def _turned_back(s: Acting, row: int, v: wp.vec3d):
+    """By its inverse."""
+    return v[0] * _triple(s.forcing, row) + v[1] * _triple(s.forcing, row + 3) + v[2] * _triple(s.forcing, row + 6)
+
+
+@wp.func
+def _before(s: Acting, row: int, place: wp.vec3d):
+    """Where a place is for the collider at `row`, in the frame in which that stands."""
+    found = place * _ONE
+    if s.forcing[row + 11] > _ZERO:
+        found = _turned(s, row + 18, place - _triple(s.forcing, row + 15)) + _triple(s.forcing, row + 12)
+    return found
+
+
+@wp.func
+def _surface(s: Acting, row: int, place: wp.vec3d, before: wp.vec3d):
+    """Of the collider at `row`, at a place: the normal towards where matter may be, and its own velocity."""
+    normal = s.forcing[row + 10] * _normal(s, row, before)
+    own = wp.vec3d()
+    if s.forcing[row + 11] > _ZERO:
+        normal = _turned_back(s, row + 18, normal)
+        own = _triple(s.forcing, row + 27) + wp.cross(
+            _triple(s.forcing, row + 30), place - _triple(s.forcing, row + 15)
+        )
+    return normal, own
+
+
+@wp.func
 def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
     u = velocity * _ONE
     for wind in range(s.winds):
@@ -143,31 +181,10 @@ def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
     for drive in range(s.drives):
         row = begin + (drive_set * s.drives + drive) * at.DRIVE_WIDTH
         arm = node - _triple(s.forcing, row + 11)
-        back = wp.vec3d(
-            wp.dot(_triple(s.forcing, row + 14), arm),
-            wp.dot(_triple(s.forcing, row + 17), arm),
-            wp.dot(_triple(s.forcing, row + 20), arm),
-        )
-        if _distance(s, row, back + _triple(s.forcing, row + 8)) <= _TOUCH:
+        if _distance(s, row, _turned(s, row + 14, arm) + _triple(s.forcing, row + 8)) <= _TOUCH:
             u = _triple(s.forcing, row + 23) + wp.cross(_triple(s.forcing, row + 26), arm)
             held = 1
     return u, held
-
-
-@wp.func
-def _turned(s: Acting, row: int, v: wp.vec3d):
-    """By the rotation whose rows at `row` are."""
-    return wp.vec3d(
-        wp.dot(_triple(s.forcing, row), v),
-        wp.dot(_triple(s.forcing, row + 3), v),
-        wp.dot(_triple(s.forcing, row + 6), v),
-    )
-
-
-@wp.func
-def _turned_back(s: Acting, row: int, v: wp.vec3d):
-    """By its inverse."""
-    return v[0] * _triple(s.forcing, row) + v[1] * _triple(s.forcing, row + 3) + v[2] * _triple(s.forcing, row + 6)
 
 
 @wp.func
@@ -176,20 +193,11 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
     u = velocity * _ONE
     for collider in range(s.colliders):
         row = (s.moving * wall_set * s.colliders + collider) * at.COLLIDER_WIDTH
-        side = s.forcing[row + 10]
-        moves = s.forcing[row + 11] > _ZERO
-        place = node * _ONE
-        if moves:
-            place = _turned(s, row + 18, node - _triple(s.forcing, row + 15)) + _triple(s.forcing, row + 12)
-        if side * _distance(s, row, place) <= _TOUCH:
+        before = _before(s, row, node)
+        if s.forcing[row + 10] * _distance(s, row, before) <= _TOUCH:
             contact = int(s.forcing[row + 8])
-            normal = side * _normal(s, row, place)
-            own = wp.vec3d()
-            if moves:
-                normal = _turned_back(s, row + 18, normal)
-                arm = node - _triple(s.forcing, row + 15)
-                own = _triple(s.forcing, row + 27) + wp.cross(_triple(s.forcing, row + 30), arm)
-                u = u - own
+            normal, own = _surface(s, row, node, before)
+            u = u - own
             along = wp.dot(u, normal)
             if contact == at.STICK:
                 u = wp.vec3d()
@@ -201,8 +209,7 @@ def _collided(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
                 speed = wp.length(u)
                 if friction > _ZERO and speed > _ZERO:
                     u = u * wp.max(_ZERO, _ONE + friction * along / speed)
-            if moves:
-                u = u + own
+            u = u + own
     return u
 
 
@@ -212,20 +219,11 @@ def kept_out(s: Acting, velocity: wp.vec3d, place: wp.vec3d, half_width: wp.floa
     u = velocity * _ONE
     for collider in range(s.colliders):
         row = (s.moving * wall_set * s.colliders + collider) * at.COLLIDER_WIDTH
-        side = s.forcing[row + 10]
-        moves = s.forcing[row + 11] > _ZERO
-        before = place * _ONE
-        if moves:
-            before = _turned(s, row + 18, place - _triple(s.forcing, row + 15)) + _triple(s.forcing, row + 12)
-        room = side * _distance(s, row, before) - half_width
+        before = _before(s, row, place)
+        room = s.forcing[row + 10] * _distance(s, row, before) - half_width
         # What is a cell away does not arrive within a step.
         if room < _ONE:
-            normal = side * _normal(s, row, before)
-            own = wp.vec3d()
-            if moves:
-                normal = _turned_back(s, row + 18, normal)
-                arm = place - _triple(s.forcing, row + 15)
-                own = _triple(s.forcing, row + 27) + wp.cross(_triple(s.forcing, row + 30), arm)
+            normal, own = _surface(s, row, place, before)
             lacking = -wp.max(room, _ZERO) / step - wp.dot(u - own, normal)
             u = u + wp.max(lacking, _ZERO) * normal
     return u

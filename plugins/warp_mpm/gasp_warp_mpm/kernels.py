@@ -25,7 +25,7 @@ from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.phases import make_phases
 from gasp_warp_mpm.survey import make_survey
-from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, stand_of, tables_of
 from gasp_warp_mpm.tracers import make_tracers
 from gasp_warp_mpm.transfers import make_transfers
 
@@ -113,21 +113,20 @@ def make_kernels(
         u = wp.vec3d(v)
         if flows:
             if int(s.materials[material_row(s, p) + at.KIND]) > is_neo_hookean and acting.colliders > 0:
-                column = 3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4)
-                aside = wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
+                aside = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
                 half_width = wp.float64(s.points[o + at.HALF_SIDE])
                 u = kept_out(acting, u, s.x[p] - aside, half_width, s.step, drive_set)
                 v = vec3(real(u[0]), real(u[1]), real(u[2]))
         place = s.x[p] + s.step * u
         if acting.clamp == 1:
+            stand = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
             for d in range(3):
-                stand = wp.float64(s.stands[3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4) + d])
-                if place[d] < acting.wall_low[d] + stand:
-                    place[d] = acting.wall_low[d] + stand
+                if place[d] < acting.wall_low[d] + stand[d]:
+                    place[d] = acting.wall_low[d] + stand[d]
                     v[d] = wp.max(v[d], zero)
                     s.report[CLAMPED] = 1
-                elif place[d] > acting.wall_high[d] + stand:
-                    place[d] = acting.wall_high[d] + stand
+                elif place[d] > acting.wall_high[d] + stand[d]:
+                    place[d] = acting.wall_high[d] + stand[d]
                     v[d] = wp.min(v[d], zero)
                     s.report[CLAMPED] = 1
         for d in range(3):

@@ -15,7 +15,7 @@ from gasp_core.stepping.mpm import FULL_PRESENCE, HELD_TOGETHER
 from gasp_warp_mpm.contact import acted, confined
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.separation import BEST, GAP, NODES, SCRATCH_WIDTH, STATE, make_separation
-from gasp_warp_mpm.tables import CLAMPED, FIRST_STEP, Acting, tables_of
+from gasp_warp_mpm.tables import CLAMPED, FIRST_STEP, Acting, stand_of, tables_of
 
 __all__ = ["make_meeting"]
 
@@ -37,13 +37,8 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
     @wp.func
     def true_place(s: Tables, corner: wp.vec3i, n: int):
         """Where a node is in the scene, in cells: its body's stand is taken away."""
-        column = 3 * (corner[0] // 4)
-        return wp.vec3d(
-            s.lower
-            + corner
-            + wp.vec3i(n // 16, n // 4 % 4, n % 4)
-            - wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2])
-        )
+        node = wp.vec3i(n // 16, n // 4 % 4, n % 4)
+        return wp.vec3d(s.lower + corner + node - stand_of(s.stands, corner[0]))
 
     @wp.func
     def exchange(s: Tables, pair: int):

@@ -23,15 +23,13 @@ NODES = 64
 # A row of the scratch.
 _TRIED = 0
 """Three unit normals; before that, the outward normals of the first body and of the second in places 1 and 2."""
-_REACH_OF_FIRST = 9
-_REACH_OF_SECOND = 12
-"""How far either body reaches along each of the three; later along the one that is being turned."""
+_REACH = 9
+"""How far the first body reaches along each of the three, then the second; later along the one that is turned."""
 BEST = 15
 GAP = 18
 _TURNED = 19
-_FOREMOST_OF_FIRST = 22
-_FOREMOST_OF_SECOND = 26
-"""Sum of the shares, and of the shares times the places."""
+_FOREMOST = 22
+"""Sum of the shares, and of the shares times the places, of the first body, then of the second."""
 STATE = 30
 SCRATCH_WIDTH = 32
 
@@ -47,7 +45,7 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
     """The function separate, and corner_of and node_row of members; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
-    vec3 = types.vec3
+    vec3, mat33 = types.vec3, types.mat33
     Tables = tables_of(real)
     transfers = make_transfers(double, averaged, atomic=atomic, native=native)
     row9, material_row, weights, slopes = transfers.row9, transfers.material_row, transfers.weights, transfers.slopes
@@ -127,78 +125,57 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
         return first, end
 
     @wp.func
-    def give_slopes(s: Tables, m: int, rows: int, slot: int):
-        """Against the gradient of the volume of a member's body, at the nodes of a pair."""
-        corner = corner_of(s, m)
-        for e in range(s.near_begins[m], s.near_begins[m + 1]):
-            p = s.near[e]
-            offset, cell = offset_and_cell(s, p, corner)
-            first, end = nodes_within(offset, cell)
-            if first[0] < end[0] and first[1] < end[1] and first[2] < end[2]:
-                w = weights(offset)
-                d = slopes(offset)
-                _square, volume = shape_of(s, p)
-                for i in range(first[0], end[0]):
-                    for j in range(first[1], end[1]):
-                        for k in range(first[2], end[2]):
-                            n = (cell[0] + i) * 16 + (cell[1] + j) * 4 + cell[2] + k
-                            row = rows + n * SCRATCH_WIDTH
-                            if s.scratch[row + STATE] > zero:
-                                g = vec3(
-                                    d[i, 0] * w[j, 1] * w[k, 2],
-                                    w[i, 0] * d[j, 1] * w[k, 2],
-                                    w[i, 0] * w[j, 1] * d[k, 2],
-                                )
-                                keep3(s, row + slot, kept3(s, row + slot) + volume * g)
+    def add_slope(s: Tables, to: int, offset: vec3, volume: real, i: int, j: int, k: int):
+        """Against the gradient of the volume of a point at a node."""
+        w = weights(offset)
+        d = slopes(offset)
+        g = vec3(d[i, 0] * w[j, 1] * w[k, 2], w[i, 0] * d[j, 1] * w[k, 2], w[i, 0] * w[j, 1] * d[k, 2])
+        keep3(s, to, kept3(s, to) + volume * g)
 
     @wp.func
-    def reach_along_three(s: Tables, m: int, rows: int, slot: int, sign: real):
-        """How far a member's body reaches along the three tried normals (against them where `sign` is -1)."""
-        corner = corner_of(s, m)
-        for e in range(s.near_begins[m], s.near_begins[m + 1]):
-            p = s.near[e]
-            offset, cell = offset_and_cell(s, p, corner)
-            first, end = nodes_within(offset, cell)
-            if first[0] < end[0] and first[1] < end[1] and first[2] < end[2]:
-                square, _volume = shape_of(s, p)
-                for i in range(first[0], end[0]):
-                    for j in range(first[1], end[1]):
-                        for k in range(first[2], end[2]):
-                            n = (cell[0] + i) * 16 + (cell[1] + j) * 4 + cell[2] + k
-                            row = rows + n * SCRATCH_WIDTH
-                            if s.scratch[row + STATE] > zero:
-                                place = sign * (offset - vec3(real(i), real(j), real(k)))
-                                N = row9(s.scratch, row + _TRIED)
-                                depth = N @ place
-                                widths = wp.cw_mul(N @ square, N) @ vec3(one, one, one)
-                                for t in range(3):
-                                    reach = depth[t] + wp.sqrt(wp.max(widths[t], zero))
-                                    s.scratch[row + slot + t] = wp.max(s.scratch[row + slot + t], reach)
+    def reach_along_three(s: Tables, row: int, to: int, square: mat33, way: vec3):
+        """How far a point reaches along the three tried normals (against them where `way` is turned round)."""
+        N = row9(s.scratch, row + _TRIED)
+        depth = N @ way
+        widths = wp.cw_mul(N @ square, N) @ vec3(one, one, one)
+        for t in range(3):
+            s.scratch[to + t] = wp.max(s.scratch[to + t], depth[t] + wp.sqrt(wp.max(widths[t], zero)))
 
     @wp.func
-    def reach_along_one(s: Tables, m: int, rows: int, slot: int, ahead: int, sign: real):
-        """How far a member's body reaches along the normal that is being turned, and where it is foremost."""
+    def reach_along_one(s: Tables, row: int, to: int, ahead: int, square: mat33, way: vec3, sign: real):
+        """How far a point reaches along the normal that is being turned, and its share in what is foremost."""
+        normal = kept3(s, row + _TURNED)
+        depth = sign * wp.dot(normal, way)
+        s.scratch[to] = wp.max(s.scratch[to], depth + wp.sqrt(wp.max(wp.dot(normal, square @ normal), zero)))
+        share = wp.exp(foremost * depth)
+        s.scratch[ahead] = s.scratch[ahead] + share
+        keep3(s, ahead + 1, kept3(s, ahead + 1) + share * way)
+
+    @wp.func
+    def look_at(s: Tables, m: int, rows: int, side: int, look: int):
+        """At a member's points: the first time at slopes, then along the tried normals, then along the turned one."""
         corner = corner_of(s, m)
+        sign = one - real(2 * side)
         for e in range(s.near_begins[m], s.near_begins[m + 1]):
             p = s.near[e]
             offset, cell = offset_and_cell(s, p, corner)
             first, end = nodes_within(offset, cell)
             if first[0] < end[0] and first[1] < end[1] and first[2] < end[2]:
-                square, _volume = shape_of(s, p)
+                square, volume = shape_of(s, p)
                 for i in range(first[0], end[0]):
                     for j in range(first[1], end[1]):
                         for k in range(first[2], end[2]):
                             n = (cell[0] + i) * 16 + (cell[1] + j) * 4 + cell[2] + k
                             row = rows + n * SCRATCH_WIDTH
-                            if s.scratch[row + STATE] > one:
-                                place = offset - vec3(real(i), real(j), real(k))
-                                normal = kept3(s, row + _TURNED)
-                                depth = sign * wp.dot(normal, place)
-                                reach = depth + wp.sqrt(wp.max(wp.dot(normal, square @ normal), zero))
-                                s.scratch[row + slot] = wp.max(s.scratch[row + slot], reach)
-                                share = wp.exp(foremost * depth)
-                                s.scratch[row + ahead] = s.scratch[row + ahead] + share
-                                keep3(s, row + ahead + 1, kept3(s, row + ahead + 1) + share * place)
+                            state = s.scratch[row + STATE]
+                            way = offset - vec3(real(i), real(j), real(k))
+                            if look == 0 and state > zero:
+                                add_slope(s, row + _TRIED + 3 + 3 * side, offset, volume, i, j, k)
+                            elif look == 1 and state > zero:
+                                reach_along_three(s, row, row + _REACH + 3 * side, square, sign * way)
+                            elif look > 1 and state > one:
+                                to = row + _REACH + 3 * side
+                                reach_along_one(s, row, to, row + _FOREMOST + 4 * side, square, way, sign)
 
     @wp.func
     def separate(s: Tables, pair: int):
@@ -217,8 +194,8 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
                 s.scratch[row + STATE] = real(_SHARED)
                 shared += 1
         if shared > 0:
-            give_slopes(s, first, rows, _TRIED + 3)
-            give_slopes(s, second, rows, _TRIED + 6)
+            look_at(s, first, rows, 0, 0)
+            look_at(s, second, rows, 1, 0)
             for n in range(NODES):
                 row = rows + n * SCRATCH_WIDTH
                 if s.scratch[row + STATE] > zero:
@@ -228,10 +205,10 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
                     keep3(s, row + _TRIED + 3, out_of_first)
                     keep3(s, row + _TRIED + 6, into_second)
                     for t in range(3):
-                        s.scratch[row + _REACH_OF_FIRST + t] = none
-                        s.scratch[row + _REACH_OF_SECOND + t] = none
-            reach_along_three(s, first, rows, _REACH_OF_FIRST, one)
-            reach_along_three(s, second, rows, _REACH_OF_SECOND, -one)
+                        s.scratch[row + _REACH + t] = none
+                        s.scratch[row + _REACH + 3 + t] = none
+            look_at(s, first, rows, 0, 1)
+            look_at(s, second, rows, 1, 1)
             turning = int(0)
             for n in range(NODES):
                 row = rows + n * SCRATCH_WIDTH
@@ -242,7 +219,7 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
                         tried = kept3(s, row + _TRIED + 3 * t)
                         other = none
                         if wp.length(tried) > half:
-                            other = -s.scratch[row + _REACH_OF_SECOND + t] - s.scratch[row + _REACH_OF_FIRST + t]
+                            other = -s.scratch[row + _REACH + 3 + t] - s.scratch[row + _REACH + t]
                         if other > gap + better:
                             gap = other
                             normal = tried
@@ -258,12 +235,12 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
                 for turn in range(TURNS + 1):
                     for n in range(NODES):
                         row = rows + n * SCRATCH_WIDTH
-                        s.scratch[row + _REACH_OF_FIRST] = none
-                        s.scratch[row + _REACH_OF_SECOND] = none
+                        s.scratch[row + _REACH] = none
+                        s.scratch[row + _REACH + 3] = none
                         for c in range(8):
-                            s.scratch[row + _FOREMOST_OF_FIRST + c] = zero
-                    reach_along_one(s, first, rows, _REACH_OF_FIRST, _FOREMOST_OF_FIRST, one)
-                    reach_along_one(s, second, rows, _REACH_OF_SECOND, _FOREMOST_OF_SECOND, -one)
+                            s.scratch[row + _FOREMOST + c] = zero
+                    look_at(s, first, rows, 0, 2 + turn)
+                    look_at(s, second, rows, 1, 2 + turn)
                     for n in range(NODES):
                         row = rows + n * SCRATCH_WIDTH
                         if s.scratch[row + STATE] > one:
@@ -274,12 +251,12 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
     def turn_node(s: Tables, row: int, turn: int):
         """Take a turned normal if its gap is larger, and turn it on, to where what is foremost would not overlap."""
         normal = kept3(s, row + _TURNED)
-        gap = -s.scratch[row + _REACH_OF_SECOND] - s.scratch[row + _REACH_OF_FIRST]
+        gap = -s.scratch[row + _REACH + 3] - s.scratch[row + _REACH]
         if turn > 0 and gap > s.scratch[row + GAP] + better:
             keep3(s, row + BEST, normal)
             s.scratch[row + GAP] = gap
-        last = kept3(s, row + _FOREMOST_OF_FIRST + 1) / s.scratch[row + _FOREMOST_OF_FIRST]
-        front = kept3(s, row + _FOREMOST_OF_SECOND + 1) / s.scratch[row + _FOREMOST_OF_SECOND]
+        last = kept3(s, row + _FOREMOST + 1) / s.scratch[row + _FOREMOST]
+        front = kept3(s, row + _FOREMOST + 4 + 1) / s.scratch[row + _FOREMOST + 4]
         lever = front - last
         lever = lever - wp.dot(lever, normal) * normal
         angle = real(0.0)

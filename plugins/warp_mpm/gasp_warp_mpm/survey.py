@@ -8,7 +8,7 @@ from typing import Any
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_warp_mpm.tables import tables_of
+from gasp_warp_mpm.tables import stand_of, tables_of
 
 __all__ = ["make_survey"]
 
@@ -89,8 +89,7 @@ def make_survey(double: bool, module: Any) -> Any:
             C = wide9(s.points, o + at.AFFINE)
             F = wide9(s.points, o + at.DEFORMATION)
             history = wp.float64(s.points[o + at.HISTORY])
-            column = 3 * ((s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]) // 4)
-            place = s.x[p] - wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
+            place = s.x[p] - wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
             if finite(v, C, F, history, place):
                 row = s.labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                 kind = int(s.materials[row + at.KIND])

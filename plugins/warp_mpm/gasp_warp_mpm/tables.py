@@ -20,6 +20,7 @@ __all__ = [
     "REPORT_WIDTH",
     "STEPS_DONE",
     "Acting",
+    "stand_of",
     "tables_of",
 ]
 
@@ -59,6 +60,13 @@ class Acting:
     """Distances that rows name."""
     looks: int
     """Every so many steps it is looked how far apart bodies are."""
+
+
+@wp.func
+def stand_of(stands: wp.array(dtype=wp.int32), x: int):
+    """How far the body at the grid's node or cell `x` along the first axis is from its place in the scene [cells]."""
+    column = 3 * (x // 4)
+    return wp.vec3i(stands[column], stands[column + 1], stands[column + 2])
 
 
 @cache

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from gasp_warp_mpm.decompositions import algebra
-from gasp_warp_mpm.tables import DRIFTED, Acting, tables_of
+from gasp_warp_mpm.tables import DRIFTED, Acting, stand_of, tables_of
 from gasp_warp_mpm.transfers import make_transfers
 
 __all__ = ["make_tracers"]
@@ -107,8 +107,7 @@ def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
             if v[0] != zero or v[1] != zero or v[2] != zero:
                 place = place + s.step * wp.vec3d(v)
                 if acting.clamp == 1:
-                    column = 3 * ((s.tracer_homes[3 * p] - s.lower[0]) // 4)
-                    stand = wp.vec3d(wp.vec3i(s.stands[column], s.stands[column + 1], s.stands[column + 2]))
+                    stand = wp.vec3d(stand_of(s.stands, s.tracer_homes[3 * p] - s.lower[0]))
                     place = wp.min(wp.max(place, acting.wall_low + stand), acting.wall_high + stand)
                 s.tracers[p] = place
                 near = int(0)
