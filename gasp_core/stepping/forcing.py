@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, Drive, Driven, ForceField, HalfSpace, Impulse, PointProblem, Side
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    Drive,
+    Driven,
+    ForceField,
+    HalfSpace,
+    Impulse,
+    PointProblem,
+    Side,
+    SteadyMotion,
+)
+from gasp_core.stepping.rigid_motion import Pose, pose_of, rotation_matrix
 
 __all__ = [
     "drives_at",
     "force_fields_at",
+    "pose_of_drive",
     "position_at_start",
     "prescribed_velocities",
     "problem_fingerprint",
@@ -38,14 +50,12 @@ def drives_at(drives: Iterable[Drive], time: float) -> list[Drive]:
     return [drive for drive in drives if not isinstance(drive, Impulse) and drive.start <= time < drive.end]
 
 
-def rotation_matrix(rotation_vector: Array) -> Array:
-    """Rotation (3, 3) about an axis by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(rotation_vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = np.asarray(rotation_vector) / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+def pose_of_drive(drive: Driven, time: float) -> Pose:
+    """Where what a drive holds is at a time [s] of its window, from where it was at its start, and how fast."""
+    motion = SteadyMotion(
+        velocity=drive.velocity, angular_velocity=drive.angular_velocity, center=drive.center, start=drive.start
+    )
+    return pose_of(motion, time)
 
 
 def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
@@ -53,20 +63,14 @@ def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
 
     The region of a drive moves with it: a place is in it where the place it came from is in `drive.region`.
     """
-    if not isinstance(drive, Driven):
-        return positions
-    elapsed = time - drive.start
-    center = np.asarray(drive.center)
-    arms = positions - (center + np.asarray(drive.velocity) * elapsed)
-    return arms @ rotation_matrix(np.asarray(drive.angular_velocity) * elapsed) + center
+    return pose_of_drive(drive, time).before(positions) if isinstance(drive, Driven) else positions
 
 
 def prescribed_velocities(drive: Drive, time: float, positions: Array) -> Array:
     """Velocities (N, 3) [m/s] that a drive gives to matter at these places (N, 3) [m] at a time [s]."""
     if not isinstance(drive, Driven):
         return np.zeros_like(positions)
-    arms = positions - (np.asarray(drive.center) + np.asarray(drive.velocity) * (time - drive.start))
-    return np.asarray(drive.velocity) + np.cross(np.asarray(drive.angular_velocity), arms)
+    return pose_of_drive(drive, time).velocities(positions)
 
 
 def walls_of(collider: Collider) -> Sequence[Collider]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import KeyframedMotion, RigidMotion, SteadyMotion
-from gasp_core.stepping.forcing import rotation_matrix
+from gasp_core.gaussians import rotation_matrices
 
-__all__ = ["Pose", "pose_of", "starts_of"]
+__all__ = ["Pose", "pose_of", "rotation_matrix", "starts_of"]
 
 Array = NDArray[Any]
+
+
+def rotation_matrix(rotation_vector: Array) -> Array:
+    """Rotation (3, 3) about an axis by its length [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(rotation_vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(rotation_vector) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +82,7 @@ def _between(motion: KeyframedMotion, center: Array, time: float) -> Pose:
         return Pose(
             center=center,
             place=np.asarray(motion.places[end]),
-            rotation=_rotation(motion.quaternions[end]),
+            rotation=rotation_matrices([motion.quaternions[end]])[0],
             velocity=still,
             angular_velocity=still,
         )
@@ -83,20 +94,9 @@ def _between(motion: KeyframedMotion, center: Array, time: float) -> Pose:
     return Pose(
         center=center,
         place=place + velocity * elapsed,
-        rotation=rotation_matrix(spin * elapsed) @ _rotation(motion.quaternions[row]),
+        rotation=rotation_matrix(spin * elapsed) @ rotation_matrices([motion.quaternions[row]])[0],
         velocity=velocity,
         angular_velocity=spin,
-    )
-
-
-def _rotation(quaternion: tuple[float, float, float, float]) -> Array:
-    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
     )
 
 

@@ -23,8 +23,8 @@ from gasp_core.contract import (
     SphereShape,
     Wind,
 )
-from gasp_core.stepping.forcing import rotation_matrix, walls_of
-from gasp_core.stepping.rigid_motion import pose_of
+from gasp_core.stepping.forcing import pose_of_drive, walls_of
+from gasp_core.stepping.rigid_motion import Pose, pose_of
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
@@ -114,13 +114,8 @@ def collider_rows(colliders: tuple[Collider, ...], time: float, units: Units, ta
         row[9] = wall.friction
         row[10] = 1.0 if wall.side is Side.OUTSIDE else -1.0
         if wall.motion is not None:
-            pose = pose_of(wall.motion, time)
             row[11] = 1.0
-            row[12:15] = units.cells(pose.center)
-            row[15:18] = units.cells(pose.place)
-            row[18:27] = pose.rotation.T.reshape(-1)
-            row[27:30] = pose.velocity / units.speed
-            row[30:33] = pose.angular_velocity * units.time
+            _fill_pose(row[12:33], pose_of(wall.motion, time), units)
     return rows
 
 
@@ -141,11 +136,14 @@ def drive_rows(drives: Sequence[Drive], time: float, units: Units, table: FieldT
         _fill_shape(row, drive.region, units, table)
         row[14:23] = np.eye(3).reshape(-1)
         if isinstance(drive, Driven):
-            elapsed = time - drive.start
-            velocity, spin = np.asarray(drive.velocity), np.asarray(drive.angular_velocity)
-            row[8:11] = units.cells(drive.center)
-            row[11:14] = row[8:11] + velocity * elapsed / units.spacing
-            row[14:23] = rotation_matrix(spin * elapsed).T.reshape(-1)
-            row[23:26] = velocity / units.speed
-            row[26:29] = spin * units.time
+            _fill_pose(row[8:29], pose_of_drive(drive, time), units)
     return rows
+
+
+def _fill_pose(row: Array, pose: Pose, units: Units) -> None:
+    """Centre, where it is now, transposed rotation (9), velocity, angular velocity."""
+    row[:3] = units.cells(pose.center)
+    row[3:6] = units.cells(pose.place)
+    row[6:15] = pose.rotation.T.reshape(-1)
+    row[15:18] = pose.velocity / units.speed
+    row[18:21] = pose.angular_velocity * units.time
