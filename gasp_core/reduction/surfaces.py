@@ -35,7 +35,9 @@ def colliders_of(scene: Scene, objects: Sequence[PlacedObject]) -> dict[str, Col
     for placed in objects:
         if placed.item.collider is not None:
             name = placed.item.name
-            found[f'object "{name}"'] = placed.item.collider.of(field_of(placed.solid(), name))
+            touch = placed.item.collider
+            shape = field_of(placed.solid(), name)
+            found[f'object "{name}"'] = Collider(shape=shape, contact=touch.contact, friction=touch.friction)
     return found
 
 

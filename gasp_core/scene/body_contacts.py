@@ -5,35 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gasp_core.contract import DEFAULT_BODY_CONTACT, BodyContact, ContactCondition
-from gasp_core.contract.forcing import check_friction
+from gasp_core.contract import DEFAULT_BODY_CONTACT, BodyContact
 from gasp_core.errors import SceneError
 
 __all__ = ["ContactRule", "check_rules", "default_contact", "pair_contacts"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactRule:
+class ContactRule(BodyContact):
     """How two objects meet, or all that no other rule is about.
 
     Parameters
     ----------
     between
         Names of two objects; None: the rule of all other pairs.
-    contact, friction
-        See `gasp_core.contract.BodyContact`.
     """
 
     between: tuple[str, str] | None = None
-    contact: ContactCondition = ContactCondition.SEPARATE
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_friction(self)
 
     @property
     def body_contact(self) -> BodyContact:
-        """What an engine is given."""
+        """What an engine is given, without the names."""
         return BodyContact(contact=self.contact, friction=self.friction)
 
 

@@ -9,8 +9,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Literal
 
-from gasp_core.contract import Collider, ContactCondition, Material, Shape
-from gasp_core.contract.forcing import check_friction
+from gasp_core.contract import BodyContact, Material, Shape
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
@@ -21,7 +20,7 @@ from gasp_core.scene.varying import VaryingMaterial, law_of
 from gasp_core.solid.options import SolidOptions
 
 __all__ = [
-    "Contact", "Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis", "check_rotation", "columns_of", "laws_of",
+    "Floaters", "Reduction", "SplatObject", "UP_AXES", "UpAxis", "check_rotation", "columns_of", "laws_of",
     "with_columns",
 ]  # fmt: skip
 
@@ -119,21 +118,6 @@ class Reduction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contact:
-    """How matter touches an object that stands still, as it touches a `Collider`."""
-
-    contact: ContactCondition = ContactCondition.SEPARATE
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_friction(self)
-
-    def of(self, shape: Shape) -> Collider:
-        """The collider of this shape."""
-        return Collider(shape=shape, contact=self.contact, friction=self.friction)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SplatObject:
     """A splat, where it is put and what it is made of.
 
@@ -195,7 +179,7 @@ class SplatObject:
     material: Material | VaryingMaterial | None = None
     parts: tuple[Part, ...] = ()
     static: bool = False
-    collider: Contact | None = None
+    collider: BodyContact | None = None
     up: UpAxis | None = None
     height: float | None = None
     metres_per_unit: float | None = None

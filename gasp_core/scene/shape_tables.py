@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gasp_core.contract import BoxShape, Collider, ContactCondition, HalfSpace, Shape, Side, SphereShape
+from gasp_core.contract import BodyContact, BoxShape, Collider, ContactCondition, HalfSpace, Shape, Side, SphereShape
 from gasp_core.scene.file_shapes import FileShape, MeshShape, SplatShape
-from gasp_core.scene.objects import UP_AXES, Contact
+from gasp_core.scene.objects import UP_AXES
 from gasp_core.scene.rigid_motions import read_rigid_motion
 from gasp_core.scene.tables import Table, kind_of
 from gasp_core.solid.options import SolidOptions
@@ -81,14 +81,14 @@ def read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
     return table.make(HalfSpace, {"point": table.vector("point"), "normal": table.vector("normal")})
 
 
-def read_contact(table: Table) -> Contact | None:
+def read_contact(table: Table) -> BodyContact | None:
     """Of an object that stands still: true, false, or a table with its friction."""
     value = table.values["collider"]
     if isinstance(value, bool):
-        return Contact() if value else None
+        return BodyContact() if value else None
     if not isinstance(value, Mapping):
         table.fail("collider", f"must be true, false or a table such as {{ friction = 0.4 }}, found {kind_of(value)}")
-    return table.table("collider").build(Contact)
+    return table.table("collider").build(BodyContact)
 
 
 def _read_file_shape(table: Table, kind: type[FileShape], folder: Path | None) -> FileShape:

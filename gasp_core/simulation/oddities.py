@@ -53,8 +53,8 @@ def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
     if not problem.points.body_ids.any() or engine.capabilities.body_contacts:
         return []
     return [
-        f"objects that touch do what {engine.name} makes of it, it declares no contact between bodies (held together,"
-        " or apart with a friction of its own): its page in docs/ says which, `gasp engines` who declares one"
+        f"objects that touch do what {engine.name} makes of it, for it declares no contact between bodies: what that is"
+        " stands under [[contact]] in docs/scene.md, and which engines declare one"
     ]
 
 

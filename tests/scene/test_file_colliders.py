@@ -7,13 +7,12 @@ import pytest
 from splat_shells import SHAPES, shell
 
 from gasp_core import Elastic, HalfSpace, SplatObject, load_scene, scene_to_toml
-from gasp_core.contract import Collider, ContactCondition, SignedDistanceField
+from gasp_core.contract import BodyContact, Collider, ContactCondition, SignedDistanceField
 from gasp_core.errors import SceneError
 from gasp_core.io import write_splat
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.file_shapes import MeshShape, SplatShape, known_by_content, resolved
 from gasp_core.scene.loading import read_scene, read_stored_scene
-from gasp_core.scene.objects import Contact
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("igl")
@@ -95,7 +94,7 @@ def test_a_scene_comes_back_from_its_text(folder):
     text += '[[collider]]\nshape = "splat"\nsplat = "toy.ply"\nsolid = { interior = "hollow", wall = 0.05 }\n'
     text += '[[object]]\nname = "shelf"\nsplat = "toy.ply"\nstatic = true\ncollider = { friction = 0.4 }\n'
     scene = loaded(folder, text)
-    assert scene.objects[1].collider == Contact(friction=0.4)
+    assert scene.objects[1].collider == BodyContact(friction=0.4)
     written = scene_to_toml(scene, folder)
     assert 'mesh = "block.glb"' in written
     stored, forgotten = read_stored_scene(written, file="scene.toml", beside=folder)
@@ -128,9 +127,9 @@ def test_a_file_that_changes_is_another_collider(folder):
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        ("true", Contact()),
+        ("true", BodyContact()),
         ("false", None),
-        ('{ contact = "stick" }', Contact(contact=ContactCondition.STICK)),
+        ('{ contact = "stick" }', BodyContact(contact=ContactCondition.STICK)),
     ],
 )
 def test_objects_that_stand_still_are_colliders_if_they_say_so(folder, value, expected):
@@ -155,7 +154,7 @@ def test_contacts_that_cannot_be(folder, value, says):
 def test_what_moves_is_no_collider():
     soft = Elastic(density=400, youngs_modulus=5e4, poissons_ratio=0.3)
     with pytest.raises(SceneError, match="has no meaning without static"):
-        SplatObject(name="toy", splat="toy.ply", material=soft, collider=Contact())
+        SplatObject(name="toy", splat="toy.ply", material=soft, collider=BodyContact())
 
 
 def test_colliders_of_formulas_stay_as_they_are():
