@@ -6,6 +6,7 @@ Nothing here imports a backend or an engine.
 
 from gasp_mpm_host.testing.agreement import AgreementTests
 from gasp_mpm_host.testing.checkpoints import CheckpointTests
+from gasp_mpm_host.testing.contact import ContactTests
 from gasp_mpm_host.testing.decompositions import DecompositionTests
 from gasp_mpm_host.testing.extremes import ExtremesTests
 from gasp_mpm_host.testing.kit import Kit
@@ -15,6 +16,7 @@ from gasp_mpm_host.testing.tracers import TracerTests
 __all__ = [
     "AgreementTests",
     "CheckpointTests",
+    "ContactTests",
     "DecompositionTests",
     "ExtremesTests",
     "Kit",
