@@ -21,7 +21,7 @@ from gasp_core.discovery.registry import discover
 from gasp_core.discovery.status import engine_rows
 from gasp_core.errors import RecordingError
 from gasp_core.scene.file_shapes import MeshShape
-from gasp_core.scene.objects import Contact, Reduction
+from gasp_core.scene.objects import Reduction
 from gasp_core.simulation.splat_sources import prepare
 
 trimesh = pytest.importorskip("trimesh")
@@ -71,7 +71,7 @@ def lowest_at_rest(recording):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_block_rests_on_a_splat_that_stands_still(tmp_path, engine):
-    shelf = cube(name="shelf", position=(0, 0, 0), static=True, collider=Contact(friction=0.5))
+    shelf = cube(name="shelf", position=(0, 0, 0), static=True, collider=BodyContact(friction=0.5))
     found = simulate(scene_on(shelf=shelf, engine=engine), out=tmp_path / "run.gasp")
     low, slid = lowest_at_rest(found)
     # Walls act at nodes, which are felt from a cell and a half: it rests within one of the surface.
@@ -96,14 +96,14 @@ def test_without_a_collider_it_falls_through_and_that_is_told(tmp_path):
 
 def test_a_turned_splat_is_where_it_is_drawn(tmp_path):
     """A cube on its edge: its ridge is at a diagonal's height."""
-    shelf = cube(name="shelf", position=(0, 0, 0), rotation=(45, 0, 0), static=True, collider=Contact())
+    shelf = cube(name="shelf", position=(0, 0, 0), rotation=(45, 0, 0), static=True, collider=BodyContact())
     field = prepare(scene_on(shelf=shelf)).assembly.problem.colliders[0].shape
     ridge = np.array([[0.0, 0.0, SIZE * np.sqrt(2) + off * field.spacing] for off in (-1.0, 1.0)])
     assert (np.sign(field.signed_distance(ridge)) == [-1, 1]).all()
 
 
 def test_matter_that_starts_in_a_static_object_is_told_by_its_name(tmp_path):
-    shelf = cube(name="shelf", position=(0, 0, 0.1), static=True, collider=Contact(contact=ContactCondition.SLIP))
+    shelf = cube(name="shelf", position=(0, 0, 0.1), static=True, collider=BodyContact(contact=ContactCondition.SLIP))
     found = simulate(dataclasses.replace(scene_on(shelf=shelf), duration=0.04), out=tmp_path / "run.gasp")
     assert [note for note in found.notes if 'inside object "shelf"' in note]
 
