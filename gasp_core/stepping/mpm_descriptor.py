@@ -22,6 +22,7 @@ from gasp_core.contract import (
     Plasticine,
     Precision,
     Quantity,
+    Rigid,
     Sand,
     SignedDistanceField,
     Snow,
@@ -56,7 +57,7 @@ def mpm_descriptor(
         summary=summary,
         contract_version=contract_version,
         capabilities=EngineCapabilities(
-            materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
+            materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam, Rigid}),
             collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
             region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
             contact_conditions=frozenset(ContactCondition),

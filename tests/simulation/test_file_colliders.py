@@ -16,7 +16,7 @@ from gasp_core import (
     SplatObject,
     simulate,
 )
-from gasp_core.contract import SignedDistanceField
+from gasp_core.contract import BodyContact, SignedDistanceField
 from gasp_core.discovery.registry import discover
 from gasp_core.discovery.status import engine_rows
 from gasp_core.errors import RecordingError

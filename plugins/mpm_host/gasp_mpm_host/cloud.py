@@ -23,6 +23,7 @@ from gasp_mpm_host.cells import BLOCK, CellTables, arrange
 from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
+from gasp_mpm_host.stages import GridBlocks
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
 
 __all__ = ["SEEDING_PASSES", "SortedCloud"]
@@ -70,6 +71,8 @@ class SortedCloud(ABC):
         self._bodies = points.body_ids
         self._tracer_bodies = tracer_bodies(points)
         self._stands = np.zeros((int(points.body_ids.max()) + 1, 3), dtype=np.int64)
+        flows = np.array([material.kind not in ("elastic", "neo-hookean") for material in materials])
+        self._flows = flows[points.material_ids]
 
     def _begin(self, problem: PointProblem, restart: Mapping[str, Array] | None, engine: str) -> None:
         """Fill the memory with the problem at rest, or with what `checkpoint` gave.
@@ -128,6 +131,10 @@ class SortedCloud(ABC):
     @abstractmethod
     def _point_rows(self) -> Array:
         """(N, `layout.POINT_WIDTH`), as in `Rows.points`."""
+
+    @abstractmethod
+    def _velocity_rows(self) -> Array:
+        """(N, 3) in the engine's units: on a CPU the very memory."""
 
     @abstractmethod
     def _label_rows(self) -> Array:
@@ -222,11 +229,42 @@ class SortedCloud(ABC):
         column = (rows.homes[:, 0].astype(np.int64) - found.lower[0]) // BLOCK
         there = self._columns[np.clip(column, 0, len(self._columns) - 1)]
         woken = arrange_tracers(rows.homes, found, there == self._tracer_bodies[rows.ids])
+        self._found, self._active_blocks = found, woken.active
         rows = rows.sorted(woken.order)
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
         met = meetings(self._problem, self._bodies[self._ids], self._stands, woken.active, found)
         self._set_active(woken, found, met)
+
+    # ---- between the stages of a step -------------------------------------------------------------------------------
+
+    def blocks(self) -> GridBlocks:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        found = self._found
+        corners = BLOCK * np.stack(np.unravel_index(self._active_blocks, found.shape // BLOCK), axis=1)
+        bodies = self._columns[corners[:, 0] // BLOCK]
+        return GridBlocks(
+            corners=corners,
+            shape=found.shape,
+            places=found.lower + corners - self._stands[bodies],
+            bodies=bodies,
+        )
+
+    def flowing(self) -> tuple[Array, Array, Array, Array]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        rows = np.flatnonzero(self._flows[self._ids])
+        own = self._ids[rows]
+        points = self._problem.points
+        half_widths = 0.5 * np.cbrt(points.reference_volumes[own]) / self.units.spacing
+        return rows, self._scene_cells(rows), half_widths, self._problem.masses[own] / self.units.mass
+
+    def moving(self, rows: Array) -> tuple[Array, Array]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        return self._scene_cells(rows), self._velocity_rows()[rows].astype(np.float64)
+
+    def _scene_cells(self, rows: Array) -> Array:
+        cells = self._cell_rows()[rows]
+        return cells - self._stands[self._bodies[self._ids[rows]]] if self._stands.any() else cells
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, Poi
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import drives_at, force_fields_at
+from gasp_core.stepping.rigid.session import RigidSession
+from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_mpm_host import layout as at
@@ -23,8 +25,9 @@ from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
 from gasp_mpm_host.rows import Survey
 from gasp_mpm_host.scaling import Units
+from gasp_mpm_host.stages import RigidSteps, StagedCloud
 
-__all__ = ["FarAwayError", "MpmSession", "SteppedCloud"]
+__all__ = ["FarAwayError", "MpmSession", "SteppedCloud", "opened"]
 
 Array = NDArray[Any]
 
@@ -144,6 +147,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         Makes the cloud.
     restart
         A checkpoint of a session of the same problem, or None.
+    rigid
+        Bodies beside those of the problem; None without any.
 
     Raises
     ------
@@ -162,8 +167,11 @@ class MpmSession(SteppedSession[SteppedCloud]):
         accuracy: EngineAccuracy,
         build: CloudBuilder,
         restart: Mapping[str, Array] | None = None,
+        rigid: RigidSide | None = None,
     ) -> None:
-        self._units = units = Units.of(problem, accuracy.spacing_for(problem.points.size))
+        self._rigid = rigid
+        size = (problem if rigid is None else rigid.problem).points.size
+        self._units = units = Units.of(problem, accuracy.spacing_for(size))
         self._frame = np.array([*units.anchor, units.spacing, units.time, units.mass])
         time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
         self._fields = fields = FieldTable.of(problem, units)
@@ -182,6 +190,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
             cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
         super().__init__(problem, cloud, engine=engine, accuracy=accuracy, time=time)
+        self._rigid_steps = None if rigid is None else RigidSteps(cast("StagedCloud", cloud), rigid)
         self._several = bool(problem.points.body_ids.any())
         self._clamped = False
         self._inverted = 0
@@ -225,9 +234,10 @@ class MpmSession(SteppedSession[SteppedCloud]):
         low, high = survey.low - felt, survey.high + felt
         driven = driven_speed(self._problem.drives, self._time, low, high)
         walls = wall_speed(self._problem.colliders, self._time, low, high) if self._walls_move else 0.0
+        rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         return MotionLimits(
             stress=survey.stress,
-            speed=max(survey.speed, driven, walls),
+            speed=max(survey.speed, driven, walls, rigid),
             velocity_gradient=survey.velocity_gradient,
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
@@ -248,9 +258,13 @@ class MpmSession(SteppedSession[SteppedCloud]):
             np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
             looks,
         )
+        stepper = cloud
+        if self._rigid_steps is not None:
+            self._rigid_steps.begin_batch(begin, step)
+            stepper = self._rigid_steps
         done = 0
         while done < count:
-            taken, drifted, clamped = cloud.steps(done, count)
+            taken, drifted, clamped = stepper.steps(done, count)
             done += taken
             self._clamped |= clamped
             if taken:
@@ -280,7 +294,10 @@ class MpmSession(SteppedSession[SteppedCloud]):
     def apply_impulse(self, impulse: Impulse) -> None:
         """See `SteppedSession`."""
         cloud = self.held()
-        given = impulse_change(impulse, cloud.positions(), self._problem.masses)
+        if self._rigid is None:
+            given = impulse_change(impulse, cloud.positions(), self._problem.masses)
+        else:
+            given = self._rigid.impulse(impulse, cloud.positions())
         if given is not None:
             cloud.push(*given)
 
@@ -298,12 +315,19 @@ class MpmSession(SteppedSession[SteppedCloud]):
                 f"points move {leap:.3g} cells in one substep of {step:.3g} s: the motion has blown up; lower"
                 " substep_fraction, or check the scene's forces",
             )
+        if self._rigid is not None:
+            self.refuse_outside(self._rigid.positions(cloud.positions()))
         domain = self._problem.domain
         if domain is not None and ((survey.low < domain.lower).any() or (survey.high > domain.upper).any()):
             self.refuse_outside(cloud.positions())
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, float64, owned."""
+        if self._rigid is not None:
+            return self._rigid.state(self._time, fields, self._read(fields))
+        return self._read(fields)
+
+    def _read(self, fields: frozenset[Field]) -> PointState:
         cloud = self.held()
         traced = self._problem.points.tracer_positions is not None and Field.TRACER_POSITIONS in fields
         return PointState(
@@ -316,8 +340,33 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything a restart needs."""
-        return {"time": np.array(self._time), "frame": self._frame.copy(), **self.held().checkpoint()}
+        rigid = {} if self._rigid is None else self._rigid.world.checkpoint()
+        return {"time": np.array(self._time), "frame": self._frame.copy(), **self.held().checkpoint(), **rigid}
 
     def release(self, held: SteppedCloud) -> None:
         """See `SteppedSession`."""
         held.close()
+
+
+def opened(
+    problem: PointProblem,
+    *,
+    engine: str,
+    accuracy: EngineAccuracy,
+    build: CloudBuilder,
+    restart: Mapping[str, Array] | None = None,
+) -> MpmSession | RigidSession:
+    """The session of a problem, whatever is in it; parameters as of `MpmSession`.
+
+    Raises
+    ------
+    SceneError
+        As `MpmSession`, and where a body is rigid in part.
+    """
+    rigid = RigidSide.of(problem, restart, engine)
+    if rigid is None:
+        return MpmSession(problem, engine=engine, accuracy=accuracy, build=build, restart=restart)
+    if rigid.soft is None:
+        time = 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, engine)["time"])
+        return RigidSession(rigid, engine=engine, accuracy=accuracy, time=time)
+    return MpmSession(rigid.soft, engine=engine, accuracy=accuracy, build=build, restart=restart, rigid=rigid)

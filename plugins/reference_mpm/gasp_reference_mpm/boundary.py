@@ -19,11 +19,10 @@ from gasp_core.contract import (
     Domain,
     Drive,
     ForceField,
-    Side,
     Wind,
 )
 from gasp_core.stepping.forcing import drives_at, force_fields_at, position_at_start, prescribed_velocities, walls_of
-from gasp_core.stepping.rigid_motion import pose_of
+from gasp_core.stepping.walls import wall_distances, wall_surface
 
 __all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "kept_out"]
 
@@ -69,28 +68,11 @@ def collided(velocities: Array, positions: Array, colliders: Sequence[Collider],
     A collider that moves is met in its own frame: nodes where they would be there, velocities relative to its own.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
-        touching = _rooms(wall, positions, time) <= TOUCH * spacing
-        normals, own = _surface(wall, positions[touching], time)
+        touching = wall_distances(wall, positions, time) <= TOUCH * spacing
+        normals, own = wall_surface(wall, positions[touching], time)
         velocities = velocities.copy()
         velocities[touching] = own + _after_contact(velocities[touching] - own, normals, wall)
     return velocities
-
-
-def _rooms(wall: Collider, positions: Array, time: float) -> Array:
-    """Distances (N,) [m] to a collider's surface, negative where matter may not be."""
-    sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
-    places = positions if wall.motion is None else pose_of(wall.motion, time).before(positions)
-    return sign * wall.shape.signed_distance(places)
-
-
-def _surface(wall: Collider, positions: Array, time: float) -> tuple[Array, Array]:
-    """Unit normals (N, 3) towards where matter may be, and a collider's own velocities (N, 3) [m/s]."""
-    sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
-    if wall.motion is None:
-        return sign * wall.shape.outward_normal(positions), np.zeros_like(positions)
-    pose = pose_of(wall.motion, time)
-    normals = sign * wall.shape.outward_normal(pose.before(positions))
-    return normals @ pose.rotation.T, pose.velocities(positions)
 
 
 def _after_contact(velocities: Array, normals: Array, collider: Collider) -> Array:
@@ -118,8 +100,8 @@ def kept_out(
     (N,) [m] comes no nearer, and one that is farther off not nearer than that. The wall takes what it had towards it.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
-        room = _rooms(wall, positions, time) - half_widths
-        normals, own = _surface(wall, positions, time)
+        room = wall_distances(wall, positions, time) - half_widths
+        normals, own = wall_surface(wall, positions, time)
         approach = np.sum((velocities - own) * normals, axis=1)
         lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
         velocities = velocities + lacking[:, None] * normals

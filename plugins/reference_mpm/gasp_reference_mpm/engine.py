@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from gasp_core.contract import EngineAccuracy, PointCloud, PointProblem, Precision
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
+from gasp_core.stepping.rigid.session import RigidSession
+from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_reference_mpm.grid import grid_excess, grid_origin
 from gasp_reference_mpm.material_points import Motion, matter_of
@@ -35,7 +37,7 @@ class ReferenceMpm:
         accuracy: EngineAccuracy,
         options: Any = None,
         restart: Mapping[str, Array] | None = None,
-    ) -> ReferenceSession:
+    ) -> ReferenceSession | RigidSession:
         """Set a problem up, or go on from a checkpoint of it.
 
         Nothing is drawn at random, there is one device and one precision, and no options of its own.
@@ -48,6 +50,11 @@ class ReferenceMpm:
         """
         spacing = accuracy.spacing_for(problem.points.size)
         refuse_unstable_substep(problem, spacing, accuracy)
+        rigid = RigidSide.of(problem, restart, "reference-mpm")
+        if rigid is not None:
+            if rigid.soft is None:
+                return RigidSession(rigid, engine="reference-mpm", accuracy=accuracy, time=_time_of(restart))
+            problem = rigid.soft
         excess = grid_excess(problem.points.reference_positions, spacing)
         if excess:
             raise SceneError(excess)
@@ -68,7 +75,11 @@ class ReferenceMpm:
                 history=np.zeros(len(positions)),
                 tracers=np.zeros((0, 3)) if tracers is None else tracers - origin,
             )
-        return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time)
+        return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time, rigid)
+
+
+def _time_of(restart: Mapping[str, Array] | None) -> float:
+    return 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, "reference-mpm")["time"])
 
 
 def _restored(checkpoint: Mapping[str, Array], points: PointCloud) -> tuple[float, Motion]:

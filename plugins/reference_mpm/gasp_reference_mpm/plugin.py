@@ -27,6 +27,7 @@ from gasp_core.contract import (
     Plasticine,
     Precision,
     Quantity,
+    Rigid,
     Sand,
     SignedDistanceField,
     Snow,
@@ -39,7 +40,7 @@ from gasp_core.stepping.time_step import rest_bound
 __all__ = ["CAPABILITIES", "gasp_point_engines"]
 
 CAPABILITIES = EngineCapabilities(
-    materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam}),
+    materials=frozenset({Elastic, NeoHookean, Sand, Fluid, Snow, Metal, Plasticine, Foam, Rigid}),
     collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
     region_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
     contact_conditions=frozenset(ContactCondition),

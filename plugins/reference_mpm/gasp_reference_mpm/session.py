@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_reference_mpm.grid import grid_excess
@@ -39,6 +40,7 @@ class ReferenceSession(SteppedSession[Motion]):
         spacing: float,
         accuracy: EngineAccuracy,
         time: float,
+        rigid: RigidSide | None = None,
     ) -> None:
         super().__init__(problem, motion, engine="reference-mpm", accuracy=accuracy, time=time)
         self._matter = matter
@@ -47,6 +49,7 @@ class ReferenceSession(SteppedSession[Motion]):
         self._held_back = np.zeros(len(matter.masses), dtype=bool)
         self._inverted = 0
         self._hardening = hardening_of(problem)
+        self._rigid = rigid
 
     def begin_advance(self, end: float) -> None:
         """See `SteppedSession`."""
@@ -66,6 +69,11 @@ class ReferenceSession(SteppedSession[Motion]):
 
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given."""
+        if self._rigid is not None:
+            return self._rigid.state(self._time, fields, self._read(fields))
+        return self._read(fields)
+
+    def _read(self, fields: frozenset[Field]) -> PointState:
         motion = self.held()
         traced = Field.TRACER_POSITIONS in fields and self._problem.points.tracer_positions is not None
         return PointState(
@@ -79,6 +87,8 @@ class ReferenceSession(SteppedSession[Motion]):
     def view(self, field: Field) -> Array:
         """A field where it is, see `gasp_core.contract.ViewingSession`; positions are kept from the grid's origin."""
         motion = self.held()
+        if self._rigid is not None:
+            return getattr(self.read(frozenset({field})), field.value)
         match field:
             case Field.POSITIONS:
                 return motion.positions + self._origin
@@ -92,7 +102,9 @@ class ReferenceSession(SteppedSession[Motion]):
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""
         motion = self.held()
+        rigid = {} if self._rigid is None else self._rigid.world.checkpoint()
         return {
+            **rigid,
             "time": np.array(self._time),
             "positions": motion.positions.copy(),
             "velocities": motion.velocities.copy(),
@@ -129,6 +141,7 @@ class ReferenceSession(SteppedSession[Motion]):
                     self._spacing,
                     now,
                     step,
+                    self._rigid,
                 )
             self._held_back |= held
             self._refuse_leap(motion, now, step)
@@ -142,9 +155,10 @@ class ReferenceSession(SteppedSession[Motion]):
         felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
         driven = driven_speed(self._problem.drives, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
         walls = wall_speed(self._problem.colliders, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
+        rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         return MotionLimits(
             stress=stable_step(self._matter, motion, self._spacing),
-            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls),
+            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls, rigid),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
@@ -153,7 +167,11 @@ class ReferenceSession(SteppedSession[Motion]):
     def apply_impulse(self, impulse: Impulse) -> None:
         """See `SteppedSession`."""
         motion = self.held()
-        given = impulse_change(impulse, motion.positions + self._origin, self._matter.masses)
+        places = motion.positions + self._origin
+        if self._rigid is None:
+            given = impulse_change(impulse, places, self._matter.masses)
+        else:
+            given = self._rigid.impulse(impulse, places)
         if given is not None:
             struck, change = given
             self._held = replace(motion, velocities=motion.velocities + struck[:, None] * change)
@@ -183,7 +201,7 @@ class ReferenceSession(SteppedSession[Motion]):
         """Refuse a cloud that has left its domain or outgrown the grid; count inverted points."""
         motion = self.held()
         places = motion.positions + self._origin
-        self.refuse_outside(places)
+        self.refuse_outside(places if self._rigid is None else self._rigid.positions(places))
         excess = grid_excess(places, self._spacing)
         if excess:
             raise StoppedError(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, PointProblem
+from gasp_core.stepping.rigid.side import RigidSide
 from gasp_reference_mpm.bodies import looked, met
-from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
+from gasp_reference_mpm.boundary import TOUCH, blown, collided, driven, kept_inside, kept_out
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
@@ -32,11 +33,12 @@ def substep(
     spacing: float,
     time: float,
     step: float,
+    rigid: RigidSide | None = None,
 ) -> tuple[Motion, Separation, Array]:
     """The motion `step` [s] after `time` [s], how far bodies are then apart, and a mask (N,) of the points that the
     domain's edge held back.
 
-    Without a separation it is looked how far apart the bodies are.
+    Without a separation it is looked how far apart the bodies are. Rigid bodies take the step as well.
 
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
     (symplectic Euler).
@@ -61,6 +63,12 @@ def substep(
     else:
         held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
+    if rigid is not None:
+        bodies = stencil.fields.bodies_of(grid.nodes)
+        rows, nodes = rigid.nodes(places, velocities, grid.mass, bodies, TOUCH * spacing)
+        velocities = velocities.copy()
+        velocities[rows] = rigid.world.step(time, step, nodes)
+
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, history = deformed(matter, motion, velocity_gradients, step)
     carrying = carried(stencil, spacing, grid, velocities, motion.tracers, matter.tracer_bodies)
@@ -81,6 +89,14 @@ def substep(
             time,
             step,
         )
+        if rigid is not None:
+            advancing[flowing] = rigid.world.keep_out(
+                advancing[flowing],
+                motion.positions[flowing] + origin,
+                0.5 * np.cbrt(matter.volumes[flowing]),
+                matter.masses[flowing],
+                step,
+            )
     moved = Motion(
         positions=motion.positions + step * advancing,
         velocities=advancing,

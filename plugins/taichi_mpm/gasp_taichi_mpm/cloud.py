@@ -12,6 +12,7 @@ from gasp_mpm_host.cells import COLOURS, CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
+from gasp_mpm_host.stages import Stage
 from gasp_mpm_host.tracers import TracerRows, TracerTables
 from numpy.typing import NDArray
 
@@ -25,6 +26,9 @@ from gasp_taichi_mpm.separation import SCRATCH_WIDTH
 __all__ = ["Cloud"]
 
 Array = NDArray[Any]
+
+_STAGES = np.repeat([0, 1, 2], [words.UPDATE, 1, words.PHASES - words.MOVE])
+"""Of the phases of a step."""
 
 
 class Cloud(SortedCloud):
@@ -98,6 +102,9 @@ class Cloud(SortedCloud):
 
     def _point_rows(self) -> Array:
         return unpacked(self._memory.get(self._points))
+
+    def _velocity_rows(self) -> Array:
+        return self._memory.get(self._points).reshape(-1, words.POINT_ROWS, 4)[:, words.VELOCITY, :3]
 
     def _label_rows(self) -> Array:
         return self._memory.get(self._labels).reshape(-1, at.LABEL_WIDTH)
@@ -283,20 +290,81 @@ class Cloud(SortedCloud):
 
     def _launch_by_phase(self, first: int, end: int) -> int:
         """Steps first..end, or fewer, a launch a phase; returns how many."""
-        kernels, cloud, control = self._kernels, (self._x, self._points, self._labels), self._put_control()
         for step in range(first, end):
-            kernels.clear(self._grid, self._means, self._active, control)
-            if self._averaged:
-                kernels.average_atomically(*cloud, self._means, self._materials, control)
-                kernels.divide(self._means, self._active, control)
-            laws = (self._materials, self._batch_argument, control)
-            kernels.scatter_atomically(*cloud, self._grid, self._means, *laws)
-            acting = (self._materials, self._batch_argument, self._forcing, self._fields, control, self._report)
-            carried = (self._tracers, self._homes, self._carrier)
-            kernels.update_and_move(*cloud, self._grid, *acting, *carried, self._met, self._scratch, step)
+            self._launch_scatter()
+            self._launch_rest(step)
             if self._memory.get(self._report)[words.DRIFTED]:
                 return step + 1 - first
         return end - first
+
+    def _launch_scatter(self) -> None:
+        kernels, cloud, control = self._kernels, (self._x, self._points, self._labels), self._put_control()
+        kernels.clear(self._grid, self._means, self._active, control)
+        if self._averaged:
+            kernels.average_atomically(*cloud, self._means, self._materials, control)
+            kernels.divide(self._means, self._active, control)
+        kernels.scatter_atomically(*cloud, self._grid, self._means, self._materials, self._batch_argument, control)
+
+    def _launch_rest(self, step: int) -> None:
+        cloud, control = (self._x, self._points, self._labels), self._put_control()
+        acting = (self._materials, self._batch_argument, self._forcing, self._fields, control, self._report)
+        carried = (self._tracers, self._homes, self._carrier)
+        self._kernels.update_and_move(*cloud, self._grid, *acting, *carried, self._met, self._scratch, step)
+
+    def begin_stages(self, index: int, first: int) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        runtime.require(self._runtime)
+        self._memory.write(self._report, np.zeros(words.REPORT_WIDTH, dtype=np.int32))
+        self._control[words.FIRST_STEP] = first
+
+    def stage(self, stage: Stage, index: int) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        # Steps are parts of steps where of everything else there is nothing to do.
+        kept = self._control.copy()
+        if self._memory.on_gpu:
+            self._launch_stage(stage, index)
+        else:
+            tickets = self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1]
+            counts = np.where(list(Stage).index(stage) == _STAGES, np.diff(tickets), 0)
+            tickets[1:] = np.cumsum(counts)
+            if counts.any():
+                self._march(index, index + 1)
+        self._control[:] = kept
+
+    def _launch_stage(self, stage: Stage, index: int) -> None:
+        if stage is Stage.SCATTER:
+            self._launch_scatter()
+            return
+        idle = (words.POINTS, words.TRACERS) if stage is Stage.UPDATE else (words.APART, words.PLACES)
+        self._control[list(idle)] = 0
+        self._launch_rest(index)
+
+    def end_stages(self) -> tuple[bool, bool]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        report = self._memory.get(self._report)
+        return bool(report[words.DRIFTED]), bool(report[words.CLAMPED])
+
+    def node_rows(self, rows: Array) -> Array:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        return self._memory.get(self._grid)[rows]
+
+    def put_velocities(self, rows: Array, velocities: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        grid = self._memory.get(self._grid)
+        grid[rows, :3] = velocities
+        self._memory.write(self._grid, grid)
+        if self._control[words.TRACERS] > 0:
+            carrier = self._memory.get(self._carrier)
+            carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
+            self._memory.write(self._carrier, carrier)
+
+    def nudge(self, rows: Array, change: Array, step: float) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        cells, points = self._memory.get(self._x), self._memory.get(self._points)
+        points.reshape(-1, words.POINT_ROWS, 4)[rows, words.VELOCITY, :3] += change.astype(self._host_real)
+        cells[rows] += step * change
+        self._memory.write(self._points, points)
+        self._memory.write(self._x, cells)
 
     def survey(self) -> Survey:
         """Look at every point."""

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from gasp_mpm_host.session import MpmSession
+from gasp_mpm_host.session import MpmSession, opened
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision
+from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.threads import ThreadOptions
 from gasp_core.stepping.time_step import refuse_unstable_substep
 from gasp_taichi_mpm import runtime
@@ -31,7 +32,7 @@ class TaichiMpm:
         accuracy: EngineAccuracy | None = None,
         options: ThreadOptions | None = None,
         restart: Mapping[str, NDArray[Any]] | None = None,
-    ) -> MpmSession:
+    ) -> MpmSession | RigidSession:
         """Open a session; nothing here is random, so `seed` changes nothing.
 
         Raises
@@ -52,7 +53,7 @@ class TaichiMpm:
         )
         runtime.acquire(device)
         try:
-            return MpmSession(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
+            return opened(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
         except BaseException:
             runtime.release()
             raise

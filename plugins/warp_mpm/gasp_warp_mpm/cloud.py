@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -11,10 +12,11 @@ import numpy as np
 import warp as wp
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings
-from gasp_mpm_host.cells import CellTables
+from gasp_mpm_host.cells import COLOURS, CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
+from gasp_mpm_host.stages import Stage
 from gasp_mpm_host.tracers import TracerRows, TracerTables
 from numpy.typing import NDArray
 
@@ -94,6 +96,7 @@ class Cloud(SortedCloud):
         self._tables.means = self._empty(1, self._types.vec2)
         self._tables.carrier = self._empty(1, self._types.vec4)
         self._tables.scratch = self._empty(1, self._real)
+        self._no_tiles = self._put(np.zeros(COLOURS + 1), wp.int32)
         self._begin(problem, restart, engine)
 
     # ---- memory -----------------------------------------------------------------------------------------------------
@@ -132,6 +135,9 @@ class Cloud(SortedCloud):
     def _point_rows(self) -> Array:
         """On the CPU the very memory, on a GPU a copy."""
         return self._tables.points.numpy().reshape(-1, at.POINT_WIDTH)
+
+    def _velocity_rows(self) -> Array:
+        return self._point_rows()[:, at.VELOCITY : at.VELOCITY + 3]
 
     def _label_rows(self) -> Array:
         return self._tables.labels.numpy().reshape(-1, at.LABEL_WIDTH)
@@ -261,15 +267,18 @@ class Cloud(SortedCloud):
         How many were done, whether a point drifted (it must be sorted before the next), whether the domain's edge
         held a node or a point back.
         """
-        report = np.zeros(REPORT_WIDTH, dtype=np.int32)
-        report[[NEXT_STEP, FIRST_STEP]] = first
-        self._tables.report.assign(report)
+        self._begin_report(first, first)
         if self._atomic:
             self._steps_by_phase(first, end)
         else:
             self._steps_in_threads(first, end)
         report = self._tables.report.numpy()
         return int(report[STEPS_DONE]), bool(report[DRIFTED]), bool(report[CLAMPED])
+
+    def _begin_report(self, index: int, first: int) -> None:
+        report = np.zeros(REPORT_WIDTH, dtype=np.int32)
+        report[[NEXT_STEP, FIRST_STEP]] = index, first
+        self._tables.report.assign(report)
 
     def _steps_in_threads(self, first: int, end: int) -> None:
         def share(worker: int) -> Any:
@@ -301,6 +310,86 @@ class Cloud(SortedCloud):
         for _ in range(first, end):
             wp.capture_launch(self._step)
 
+    # ---- in stages --------------------------------------------------------------------------------------------------
+
+    def begin_stages(self, index: int, first: int) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        self._begin_report(index, first)
+
+    def stage(self, stage: Stage, index: int) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        if self._atomic:
+            self._phases_of(stage)
+            return
+        with self._nothing_but(stage):
+            self._steps_in_threads(index, index + 1)
+
+    @contextlib.contextmanager
+    def _nothing_but(self, stage: Stage) -> Iterator[None]:
+        """Let steps be parts of steps: of everything else there is nothing to do."""
+        tables = self._tables
+        idle = {
+            Stage.SCATTER: {"active_count": 0, "colours": self._no_tiles},
+            Stage.UPDATE: {"apart_count": 0, "place_count": 0},
+            Stage.MOVE: {"count": 0, "tracer_count": 0},
+        }
+        changes = {name: value for each, part in idle.items() if each is not stage for name, value in part.items()}
+        before = {name: getattr(tables, name) for name in changes}
+        try:
+            for name, value in changes.items():
+                setattr(tables, name, value)
+            yield
+        finally:
+            for name, value in before.items():
+                setattr(tables, name, value)
+
+    def _phases_of(self, stage: Stage) -> None:
+        phases, tables = self._kernels.phases, self._tables
+        match stage:
+            case Stage.SCATTER:
+                self._scatter_by_phase()
+            case Stage.UPDATE:
+                self._launch(phases.update, BLOCK_NODES * tables.apart_count, self._acting)
+                if tables.place_count:
+                    self._launch(phases.meet, tables.place_count, self._acting)
+            case Stage.MOVE:
+                self._launch(phases.move, self._count, self._acting)
+                if tables.tracer_count > 0:
+                    self._launch(phases.carry, tables.tracer_count, self._acting)
+                self._launch(phases.finish, 1)
+
+    def end_stages(self) -> tuple[bool, bool]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        report = self._tables.report.numpy()
+        return bool(report[DRIFTED]), bool(report[CLAMPED])
+
+    def node_rows(self, rows: Array) -> Array:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        return self._tables.grid.numpy()[rows]
+
+    def put_velocities(self, rows: Array, velocities: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        grid = self._tables.grid.numpy()
+        grid[rows, :3] = velocities
+        self._give_back(self._tables.grid, grid)
+        if self._tables.tracer_count > 0:
+            carrier = self._tables.carrier.numpy()
+            carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
+            self._give_back(self._tables.carrier, carrier)
+
+    def nudge(self, rows: Array, change: Array, step: float) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        cells, points = self._tables.x.numpy(), self._point_rows()
+        points[rows, at.VELOCITY : at.VELOCITY + 3] += change.astype(points.dtype)
+        cells[rows] += step * change
+        self._give_back(self._tables.points, points.reshape(-1))
+        self._give_back(self._tables.x, cells)
+
+    def _give_back(self, table: Any, host: Array) -> None:
+        """Put what was changed into memory, where it is not that memory."""
+        if not self._device.is_cpu:
+            table.assign(host)
+
     # ---- reading ----------------------------------------------------------------------------------------------------
 
     def survey(self) -> Survey:
@@ -319,8 +408,7 @@ class Cloud(SortedCloud):
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
         points = self._point_rows()
         points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
-        if not self._device.is_cpu:
-            self._tables.points.assign(points.reshape(-1))
+        self._give_back(self._tables.points, points.reshape(-1))
 
     def close(self) -> None:
         """End the threads."""

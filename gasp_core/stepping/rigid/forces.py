@@ -1,0 +1,62 @@
+"""What acts on rigid bodies besides contact: wind, and drives that hold them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import Driven, PointProblem, Wind
+from gasp_core.stepping.forcing import drives_at, force_fields_at, pose_of_drive, position_at_start
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState
+
+__all__ = ["Holds", "wind_momenta"]
+
+Array = NDArray[Any]
+
+
+def wind_momenta(problem: PointProblem, bodies: RigidBodies, state: RigidState, time: float, step: float) -> Array:
+    """Linear and angular momenta (B, 6) that wind gives in `step` [s] from `time` [s] on, about the centres of mass."""
+    given = np.zeros((len(bodies), 6))
+    for wind in force_fields_at(problem.force_fields, time):
+        if not isinstance(wind, Wind):
+            continue
+        positions, speeds = state.positions(bodies), state.point_velocities(bodies)
+        share = step * wind.drag / (1 + step * wind.drag) * bodies.point_masses
+        if wind.region is not None:
+            share = np.where(wind.region.signed_distance(positions) <= 0, share, 0.0)
+        taken = share[:, None] * (np.asarray(wind.velocity) - speeds)
+        turning = np.cross(positions - state.places[bodies.owners], taken)
+        for axis in range(3):
+            given[:, axis] += np.bincount(bodies.owners, taken[:, axis], len(bodies))
+            given[:, 3 + axis] += np.bincount(bodies.owners, turning[:, axis], len(bodies))
+    return given
+
+
+class Holds:
+    """Which bodies drives hold: those of which a point is in a drive's region when it first acts."""
+
+    def __init__(self, problem: PointProblem, bodies: RigidBodies) -> None:
+        self._problem, self._bodies = problem, bodies
+        self._found: dict[int, list[int]] = {}
+
+    def at(self, state: RigidState, time: float) -> tuple[list[int], Array]:
+        """Those held at `time` [s], and velocities (B, 6) that they have; of several drives the last one counts."""
+        prescribed = np.zeros((len(self._bodies), 6))
+        held: set[int] = set()
+        for number, drive in enumerate(self._problem.drives):
+            if not drives_at([drive], time):
+                continue
+            if number not in self._found:
+                positions = state.positions(self._bodies)
+                inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= 0
+                self._found[number] = sorted(set(self._bodies.owners[inside].tolist()))
+            for body in self._found[number]:
+                held.add(body)
+                prescribed[body] = 0.0
+                if isinstance(drive, Driven):
+                    pose = pose_of_drive(drive, time)
+                    prescribed[body, :3] = pose.velocities(state.places[body][None])[0]
+                    prescribed[body, 3:] = pose.angular_velocity
+        return sorted(held), prescribed

@@ -1,0 +1,215 @@
+"""A problem of rigid bodies and of others, taken apart: an engine steps the others as if they were alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState
+from gasp_core.stepping.rigid.bodies import rigid_bodies_of
+from gasp_core.stepping.session import impulse_change
+from gasp_core.stepping.tracer_bodies import tracer_bodies
+
+__all__ = ["GridNodes", "RigidSide"]
+
+if TYPE_CHECKING:
+    from gasp_core.stepping.rigid.world import RigidWorld
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridNodes:
+    """Nodes of a grid where matter of other bodies is within rigid ones, K of them.
+
+    Parameters
+    ----------
+    rigid : (K,)
+        Rigid bodies, by their place among these.
+    others : (K,)
+        Whose matter it is, as in `PointCloud.body_ids`.
+    places : (K, 3) [m]
+    velocities : (K, 3) [m/s]
+    masses : (K,) [kg]
+    normals : (K, 3)
+        Out of the rigid body.
+    """
+
+    rigid: Array
+    others: Array
+    places: Array
+    velocities: Array
+    masses: Array
+    normals: Array
+
+    def __len__(self) -> int:
+        return len(self.rigid)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigidSide:
+    """The rigid bodies of a problem, and what is left of it without them.
+
+    Parameters
+    ----------
+    problem
+        All of it.
+    world
+        The rigid bodies.
+    soft
+        The problem without them; None where nothing else is in it.
+    soft_rows : (N',)
+        Of its points in the whole cloud.
+    soft_bodies : (B',)
+        Numbers of its bodies in the whole cloud.
+    tracer_owners : (M,)
+        Which rigid body carries each tracer, as they are counted in `world`; -1 for none.
+    """
+
+    problem: PointProblem
+    world: RigidWorld
+    soft: PointProblem | None
+    soft_rows: Array
+    soft_bodies: Array
+    tracer_owners: Array
+
+    @classmethod
+    def of(cls, problem: PointProblem, restart: Mapping[str, Array] | None, engine: str) -> Self | None:
+        """Of a problem as it begins, or as `RigidWorld.checkpoint` gave it; None where nothing is rigid.
+
+        Raises
+        ------
+        SceneError
+            Where a body is rigid in part, or the checkpoint is of something else; `engine` is who says so.
+        """
+        bodies = rigid_bodies_of(problem)
+        if bodies is None:
+            return None
+        # Only where it is needed: what it imports takes half a second.
+        from gasp_core.stepping.rigid.world import RigidWorld
+
+        world = RigidWorld.of(problem, bodies, restart, engine)
+        rows = np.setdiff1d(np.arange(len(problem.points)), world.bodies.rows)
+        carried = tracer_bodies(problem.points)
+        place = np.searchsorted(world.bodies.bodies, carried)
+        there = world.bodies.bodies[np.minimum(place, len(world.bodies) - 1)] == carried
+        owners = np.where(there, place, -1)
+        soft = _part(problem, rows, owners < 0) if len(rows) else None
+        bodies = np.unique(problem.points.body_ids[rows])
+        return cls(problem=problem, world=world, soft=soft, soft_rows=rows, soft_bodies=bodies, tracer_owners=owners)
+
+    def nodes(
+        self,
+        places: Array,
+        velocities: Array,
+        masses: Array,
+        bodies: Array,
+        tolerance: float,
+    ) -> tuple[Array, GridNodes]:
+        """Which of G nodes are within rigid bodies, and those, each with the body in which it is the deepest.
+
+        Parameters
+        ----------
+        places, velocities : (G, 3) [m], [m/s]
+        masses : (G,) [kg]
+        bodies : (G,)
+            Whose they are, as bodies are counted in `soft`.
+        tolerance
+            A node that is nearer than this is within [m].
+        """
+        rows, rigid, normals = self.world.within(places, tolerance)
+        return rows, GridNodes(
+            rigid=rigid,
+            others=self.soft_bodies[bodies[rows]],
+            places=places[rows],
+            velocities=velocities[rows],
+            masses=masses[rows],
+            normals=normals,
+        )
+
+    def impulse(self, impulse: Impulse, positions: Array) -> tuple[Array, Array] | None:
+        """What an impulse does to the points of `soft` at positions (N', 3) [m]: see `impulse_change`.
+
+        The rigid bodies have taken their share when this returns.
+        """
+        whole = self.positions(positions)
+        given = impulse_change(impulse, whole, self.problem.masses)
+        if given is None:
+            return None
+        struck, change = given
+        self.world.push(struck, change)
+        return struck[self.soft_rows], change
+
+    def positions(self, soft: Array) -> Array:
+        """Of all points, (N, 3) [m], those of `soft` being at (N', 3)."""
+        return self._whole(soft, self.world.state.positions(self.world.bodies))
+
+    def state(self, time: float, fields: frozenset[Field], soft: PointState | None) -> PointState:
+        """What is read of all points, `soft` being what is read of the others."""
+        world = self.world
+        state, bodies = world.state, world.bodies
+        nothing = np.zeros((0, 3))
+        velocities = deformations = tracers = None
+        if Field.VELOCITIES in fields:
+            own = nothing if soft is None or soft.velocities is None else soft.velocities
+            velocities = self._whole(own, state.point_velocities(bodies))
+        if Field.DEFORMATION_GRADIENTS in fields:
+            turns = (state.rotations @ bodies.axes.transpose(0, 2, 1))[bodies.owners]
+            own = soft.deformation_gradients if soft is not None else None
+            deformations = self._whole(np.zeros((0, 3, 3)) if own is None else own, turns)
+        if Field.TRACER_POSITIONS in fields and self.problem.points.tracer_positions is not None:
+            tracers = self._tracers(None if soft is None else soft.tracer_positions)
+        return PointState(
+            time=time,
+            positions=self.positions(nothing if soft is None else soft.positions),
+            velocities=velocities,
+            deformation_gradients=deformations,
+            tracer_positions=tracers,
+        )
+
+    def _tracers(self, soft: Array | None) -> Array:
+        places = np.array(self.problem.points.tracer_positions)
+        if soft is not None:
+            places[self.tracer_owners < 0] = soft
+        for body in range(len(self.world.bodies)):
+            own = self.tracer_owners == body
+            pose = self.world.pose(body)
+            places[own] = (places[own] - pose.center) @ pose.rotation.T + pose.place
+        return places
+
+    def _whole(self, soft: Array, rigid: Array) -> Array:
+        found = np.empty((len(self.problem.points), *rigid.shape[1:]))
+        found[self.soft_rows], found[self.world.bodies.rows] = soft, rigid
+        return found
+
+
+def _part(problem: PointProblem, rows: Array, traced: Array) -> PointProblem:
+    """The problem of the points `rows` (N',) and the tracers `traced` (M,) of bool, its bodies counted anew."""
+    points = problem.points
+    bodies = np.unique(points.body_ids[rows])
+    used = np.unique(points.material_ids[rows])
+    numbers = {int(body): number for number, body in enumerate(bodies)}
+    pairs = {
+        (numbers[low], numbers[high]): contact
+        for (low, high), contact in problem.pair_contacts.items()
+        if low in numbers and high in numbers
+    }
+    cloud = PointCloud(
+        reference_positions=points.reference_positions[rows],
+        initial_velocities=points.initial_velocities[rows],
+        reference_volumes=points.reference_volumes[rows],
+        material_ids=np.searchsorted(used, points.material_ids[rows]),
+        body_ids=np.searchsorted(bodies, points.body_ids[rows]),
+        tracer_positions=None if points.tracer_positions is None else points.tracer_positions[traced],
+        material_columns={name: column[rows] for name, column in points.material_columns.items()},
+    )
+    return replace(
+        problem,
+        points=cloud,
+        materials=tuple(problem.materials[row] for row in used),
+        pair_contacts=pairs,
+    )

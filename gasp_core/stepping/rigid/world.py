@@ -1,0 +1,363 @@
+"""The rigid bodies of a simulation: one step of them, with all that they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import (
+    Collider,
+    ContactCondition,
+    DomainPolicy,
+    HalfSpace,
+    PointProblem,
+)
+from gasp_core.stepping.checkpoint import checkpoint_arrays
+from gasp_core.stepping.forcing import walls_of
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved
+from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
+from gasp_core.stepping.rigid.forces import Holds, wind_momenta
+from gasp_core.stepping.rigid.side import GridNodes
+from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of
+from gasp_core.stepping.rigid_motion import Pose
+
+__all__ = ["RigidWorld"]
+
+Array = NDArray[Any]
+
+_ROUNDS = 8
+"""Of contact with nodes, whose friction depends on what comes out."""
+_SWEEPS = 200
+_TOLERANCE = 1e-5
+"""Of what gravity gives in a step."""
+_PUSHED_APART = 0.05
+"""Of an overlap, in a step,"""
+_PUSHING_SPEED = 0.5
+"""and radii of the largest body, in a second: what begins deep in a wall comes out of it, but does not leap."""
+
+
+class RigidWorld:
+    """The rigid bodies of a problem.
+
+    Parameters
+    ----------
+    problem
+        What is simulated.
+    bodies, surfaces
+        Its rigid bodies.
+    state
+        Where they are.
+    """
+
+    def __init__(self, problem: PointProblem, bodies: RigidBodies, surfaces: RigidSurfaces, state: RigidState) -> None:
+        self.bodies, self.surfaces, self.state = bodies, surfaces, state
+        self._problem = problem
+        domain = problem.domain
+        edges = () if domain is None or domain.policy is not DomainPolicy.CLAMP else _edges(domain.lower, domain.upper)
+        self._walls = [wall for collider in (*problem.colliders, *edges) for wall in walls_of(collider)]
+        self._holds = Holds(problem, bodies)
+        contacts = [
+            [problem.contact_between(int(body), other) for body in bodies.bodies]
+            for other in range(int(problem.points.body_ids.max()) + 1)
+        ]
+        self._conditions = np.array([[CONDITIONS[one.contact] for one in row] for row in contacts])
+        self._frictions = np.array([[one.friction for one in row] for row in contacts])
+        self._owed = np.zeros((len(bodies), 6))
+
+    @classmethod
+    def of(cls, problem: PointProblem, bodies: RigidBodies, restart: Mapping[str, Array] | None, engine: str) -> Self:
+        """The rigid bodies of a problem as it begins, or as `checkpoint` gave them.
+
+        Raises
+        ------
+        SceneError
+            Where the checkpoint is of something else; `engine` is who says so.
+        """
+        state = RigidState.at_rest(bodies, problem.points.initial_velocities[bodies.rows])
+        world = cls(problem, bodies, rigid_surfaces_of(problem, bodies), state)
+        if restart is not None:
+            names = {f"rigid_{name}": getattr(state, name).shape for name in RigidState.__slots__}
+            kept = checkpoint_arrays(restart, {**names, "rigid_owed": world._owed.shape}, engine)
+            world.state = RigidState(**{name: kept[f"rigid_{name}"].copy() for name in RigidState.__slots__})
+            world._owed = kept["rigid_owed"].copy()
+        return world
+
+    def checkpoint(self) -> dict[str, Array]:
+        """All that changes."""
+        kept = {f"rigid_{name}": getattr(self.state, name).copy() for name in RigidState.__slots__}
+        return {**kept, "rigid_owed": self._owed.copy()}
+
+    @property
+    def fastest(self) -> float:
+        """Bound on the speed of anything that is rigid [m/s]."""
+        turning = np.linalg.norm(self.state.angular_velocities(self.bodies), axis=1)
+        return float((np.linalg.norm(self.state.velocities, axis=1) + turning * self.surfaces.radii).max())
+
+    def pose(self, body: int) -> Pose:
+        """Of a body, from the reference positions to where it is."""
+        return Pose(
+            center=self.bodies.centers[body],
+            place=self.state.places[body],
+            rotation=self.state.rotations[body] @ self.bodies.axes[body].T,
+            velocity=self.state.velocities[body],
+            angular_velocity=self.state.angular_velocities(self.bodies)[body],
+        )
+
+    def within(self, places: Array, tolerance: float) -> tuple[Array, Array, Array]:
+        """Which of places (G, 3) [m] are within rigid bodies, or nearer than `tolerance` [m].
+
+        Returns
+        -------
+        Their rows (K,), the body (K,) in which each is the deepest, and the normals (K, 3) out of it.
+        """
+        deepest = np.full(len(places), np.inf)
+        owner, normals = np.zeros(len(places), dtype=np.int64), np.zeros((len(places), 3))
+        for body in range(len(self.bodies)):
+            away = places - self.state.places[body]
+            near = np.flatnonzero(np.abs(away).max(axis=1, initial=0.0) < self.surfaces.radii[body] + tolerance)
+            depth, slopes = self.surfaces.seen(body, self.pose(body), places[near])
+            deeper = (depth <= tolerance) & (depth < deepest[near])
+            rows = near[deeper]
+            deepest[rows], owner[rows], normals[rows] = depth[deeper], body, slopes[deeper]
+        rows = np.flatnonzero(np.isfinite(deepest))
+        length = np.linalg.norm(normals[rows], axis=1, keepdims=True)
+        return rows, owner[rows], normals[rows] / np.maximum(length, 1e-300)
+
+    def keep_out(self, velocities: Array, positions: Array, half_widths: Array, masses: Array, step: float) -> Array:
+        """Velocities (N, 3) [m/s] with which points of what flows do not enter rigid bodies, after their step.
+
+        As walls keep them out; what the bodies take of the points' momentum acts on them in their next step.
+
+        Parameters
+        ----------
+        velocities, positions : (N, 3) [m/s], [m]
+        half_widths : (N,) [m]
+            Of what points stand for.
+        masses : (N,) [kg]
+        """
+        velocities = velocities.copy()
+        for body in range(len(self.bodies)):
+            pose = self.pose(body)
+            reach = self.surfaces.radii[body] + 2 * float(half_widths.max(initial=0.0))
+            near = np.flatnonzero(np.linalg.norm(positions - pose.place, axis=1) < reach)
+            own = pose.velocities(positions[near])
+            depth, slopes = self.surfaces.seen(body, pose, positions[near] + step * own)
+            normals = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
+            room = depth - half_widths[near]
+            approach = np.sum((velocities[near] - own) * normals, axis=1)
+            lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
+            change = lacking[:, None] * normals
+            velocities[near] += change
+            taken = -masses[near, None] * change
+            self._owed[body, :3] += taken.sum(axis=0)
+            self._owed[body, 3:] += np.cross(positions[near] - pose.place, taken).sum(axis=0)
+        return velocities
+
+    def push(self, struck: Array, change: Array) -> None:
+        """Let points, (N,) of bool of the cloud, take `change` (3,) [m/s] of an impulse."""
+        weights = np.where(struck[self.bodies.rows], self.bodies.point_masses, 0.0)
+        positions, owners = self.state.positions(self.bodies), self.bodies.owners
+        arms = positions - self.state.places[owners]
+        turning = np.cross(weights[:, None] * arms, change)
+        count = len(self.bodies)
+        spins = np.stack([np.bincount(owners, turning[:, axis], count) for axis in range(3)], axis=1)
+        given = np.bincount(owners, weights, count) / self.bodies.masses
+        self.state = replace(
+            self.state,
+            velocities=self.state.velocities + given[:, None] * change,
+            spins=self.state.spins + spins,
+        )
+
+    def step(self, time: float, step: float, nodes: GridNodes | None = None) -> Array:
+        """Go `step` [s] on from `time` [s], and give the velocities (K, 3) [m/s] that nodes have after contact."""
+        bodies, state = self.bodies, self.state
+        count = len(bodies)
+        rotations = state.rotations
+        inertias = np.zeros((count, 6, 6))
+        inertias[:, [0, 1, 2], [0, 1, 2]] = bodies.masses[:, None]
+        inertias[:, 3:, 3:] = np.einsum("bij,bj,bkj->bik", rotations, bodies.moments, rotations)
+        momenta = np.concatenate([bodies.masses[:, None] * state.velocities, state.spins], axis=1) + self._owed
+        self._owed = np.zeros_like(self._owed)
+        momenta[:, :3] += step * bodies.masses[:, None] * np.asarray(self._problem.gravity)
+        momenta += wind_momenta(self._problem, bodies, state, time, step)
+        held, prescribed = self._holds.at(state, time)
+        for body in held:
+            inertias[body], momenta[body] = np.eye(6), prescribed[body]
+        velocities = np.linalg.solve(inertias, momenta[..., None])[..., 0]
+        contacts = contacts_of(
+            self._problem,
+            self._walls,
+            bodies,
+            self.surfaces,
+            replace(state, velocities=velocities[:, :3]),
+            velocities[:, 3:],
+            time,
+            step,
+        )
+        velocities, after = self._met(contacts, nodes, inertias, momenta, velocities, held, step)
+        spins = np.einsum("bij,bj->bi", inertias[:, 3:, 3:], velocities[:, 3:])
+        for body in held:
+            spins[body] = rotations[body] @ (bodies.moments[body] * (velocities[body, 3:] @ rotations[body]))
+        way = self._pushed_apart(contacts, inertias, held, step)
+        going = moved(bodies, replace(state, velocities=velocities[:, :3], spins=spins), step)
+        self.state = self._within_domain(replace(going, places=going.places + way))
+        return after
+
+    def _within_domain(self, state: RigidState) -> RigidState:
+        """The state with no point beyond the edge of a domain that holds matter within."""
+        domain = self._problem.domain
+        if domain is None or domain.policy is not DomainPolicy.CLAMP:
+            return state
+        positions, owners = state.positions(self.bodies), self.bodies.owners
+        short, over = np.zeros((len(self.bodies), 3)), np.zeros((len(self.bodies), 3))
+        np.maximum.at(short, owners, np.asarray(domain.lower) - positions)
+        np.maximum.at(over, owners, positions - np.asarray(domain.upper))
+        # Of a body that is larger than the domain the lower side is within.
+        back = np.where(short > 0, short, -over)
+        stopped = np.where(back * state.velocities < 0, 0.0, state.velocities)
+        return replace(state, places=state.places + back, velocities=stopped)
+
+    def _met(
+        self,
+        contacts: Contacts,
+        nodes: GridNodes | None,
+        inertias: Array,
+        momenta: Array,
+        velocities: Array,
+        held: Sequence[int],
+        step: float,
+    ) -> tuple[Array, Array]:
+        """Velocities (B, 6) of bodies and (K, 3) [m/s] of nodes after contact."""
+        tolerance = _TOLERANCE * step * max(float(np.linalg.norm(self._problem.gravity)), 1e-3)
+        frames, offsets, targets = _directions(contacts, velocities, self.state.places, step)
+        impulses = np.zeros((len(contacts), 3))
+        own_inertias, own_momenta = inertias, momenta
+        known = None
+        if nodes is not None and len(nodes):
+            known = (nodes.rigid, nodes.places, nodes.velocities, nodes.masses, nodes.normals)
+        gates = np.zeros((0 if nodes is None else len(nodes), 2))
+        found = velocities
+        for _ in range(_ROUNDS if known else 1):
+            before = found
+            inertias, momenta = own_inertias.copy(), own_momenta.copy()
+            if known:
+                rigid, places, speeds, masses, normals = known
+                others = nodes.others  # pyright: ignore[reportOptionalMemberAccess]
+                loaded(
+                    inertias,
+                    momenta,
+                    self.state.places,
+                    before,
+                    rigid,
+                    places,
+                    speeds,
+                    masses,
+                    normals,
+                    self._conditions[others, rigid],
+                    self._frictions[others, rigid],
+                    gates,
+                )
+            inverses = np.linalg.inv(inertias)
+            found = np.einsum("bij,bj->bi", inverses, momenta)
+            for body in held:
+                inverses[body], found[body] = 0.0, velocities[body]
+            if len(contacts):
+                solve(
+                    inverses,
+                    found,
+                    self.state.places,
+                    contacts.first,
+                    contacts.second,
+                    contacts.places,
+                    frames,
+                    offsets,
+                    targets,
+                    contacts.conditions,
+                    contacts.frictions,
+                    impulses,
+                    tolerance,
+                    _SWEEPS,
+                )
+            if np.abs(found - before).max() * max(1.0, float(self.surfaces.radii.max())) <= tolerance:
+                break
+        after = np.zeros((0, 3))
+        if known:
+            rigid, places, speeds, masses, normals = known
+            after = speeds.copy()
+            given = np.zeros((len(self.bodies), 6))
+            settle_nodes(self.state.places, found, rigid, places, after, masses, normals, gates, given)
+        return found, after
+
+    def _pushed_apart(self, contacts: Contacts, inertias: Array, held: Sequence[int], step: float) -> Array:
+        """By how much (B, 3) [m] bodies are moved that overlap: no velocity comes of it."""
+        way = np.zeros((len(self.bodies), 3))
+        deep = np.flatnonzero((contacts.gaps < -contacts.slacks) & (contacts.conditions == 2))
+        if not len(deep):
+            return way
+        inverses = np.linalg.inv(inertias)
+        # Straight, without a turn.
+        inverses[:, 3:], inverses[:, :, 3:] = 0.0, 0.0
+        for body in held:
+            inverses[body] = 0.0
+        moving = np.zeros((len(self.bodies), 6))
+        most = _PUSHING_SPEED * step * float(self.surfaces.radii.max())
+        wanted = np.minimum(_PUSHED_APART * (-contacts.gaps[deep] - contacts.slacks[deep]), most)
+        frames = np.repeat(contacts.normals[deep, None], 3, axis=1)
+        impulses = np.zeros((len(deep), 3))
+        nothing = np.zeros(len(deep))
+        solve(
+            inverses,
+            moving,
+            self.state.places,
+            contacts.first[deep],
+            contacts.second[deep],
+            contacts.places[deep],
+            frames,
+            np.zeros((len(deep), 3)),
+            wanted,
+            contacts.conditions[deep],
+            nothing,
+            impulses,
+            1e-3 * float(wanted.max()),
+            _SWEEPS,
+        )
+        return moving[:, :3]
+
+
+def _edges(lower: tuple[float, float, float], upper: tuple[float, float, float]) -> list[Collider]:
+    """Walls along which bodies slip: the edge of a domain that holds matter within."""
+    found: list[Collider] = []
+    for axis in range(3):
+        for point, sign in ((lower, 1.0), (upper, -1.0)):
+            normal = tuple(sign * np.eye(3)[axis])
+            found.append(Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SEPARATE))
+    return found
+
+
+def _directions(contacts: Contacts, velocities: Array, centers: Array, step: float) -> tuple[Array, Array, Array]:
+    """Frames (C, 3, 3) of contacts, what the walls have along them (C, 3) [m/s], and the targets (C,) [m/s]."""
+    closing = _at(velocities, centers, contacts.first, contacts.places) - contacts.velocities
+    bodies = contacts.second != NO_BODY
+    closing[bodies] -= _at(velocities, centers, contacts.second[bodies], contacts.places[bodies])
+    normals = contacts.normals
+    across = closing - np.sum(closing * normals, axis=1, keepdims=True) * normals
+    # Across it first along what slides: the second direction then has little to do.
+    aside = np.eye(3)[np.abs(normals).argmin(axis=1)] if len(normals) else np.zeros((0, 3))
+    slow = np.linalg.norm(across, axis=1) < 1e-9
+    across[slow] = np.cross(normals[slow], aside[slow])
+    across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    frames = np.stack([normals, across, np.cross(normals, across)], axis=1)
+    offsets = np.einsum("cij,cj->ci", frames, contacts.velocities)
+    targets = np.where(contacts.conditions == CONDITIONS[ContactCondition.SEPARATE], -np.maximum(contacts.gaps, 0.0), 0)
+    return frames, offsets, targets / step
+
+
+def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:
+    """Velocities (C, 3) [m/s] of what bodies (C,) have at places (C, 3) [m]."""
+    own = velocities[bodies]
+    return own[:, :3] + np.cross(own[:, 3:], places - centers[bodies])
