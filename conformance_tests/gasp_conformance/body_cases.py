@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from gasp_core.contract import (
     ContactCondition,
     EngineAccuracy,
     Field,
+    Material,
     PointProblem,
 )
 
@@ -126,7 +127,12 @@ class Collision:
     substep_count: int
 
 
-def blocks_slide(subject: Subject, friction: float, contacts: Mapping[tuple[int, int], BodyContact]) -> list[Ride]:
+def blocks_slide(
+    subject: Subject,
+    friction: float,
+    contacts: Mapping[tuple[int, int], BodyContact],
+    materials: Sequence[Material] | None = None,
+) -> list[Ride]:
     """Two blocks, each on a slab of its own, started at 1 m/s, the first to the left and the second to the right.
 
     Parameters
@@ -135,6 +141,8 @@ def blocks_slide(subject: Subject, friction: float, contacts: Mapping[tuple[int,
         Of all bodies.
     contacts
         `PointProblem.pair_contacts`; slabs are bodies 0 and 2, the blocks on them 1 and 3.
+    materials
+        Of the four bodies; None: the plainest, stiff.
     """
     bodies: list[Array] = []
     velocities: list[tuple[float, float, float]] = []
@@ -144,10 +152,10 @@ def blocks_slide(subject: Subject, friction: float, contacts: Mapping[tuple[int,
         start = (_SLAB[0] - _BLOCK[0]) / 2 * _SPACING
         bodies.append(box_of_points((start, aside + _SPACING, _SLAB[2] * _SPACING), _BLOCK, _SPACING))
         velocities += [(0.0, 0.0, 0.0), (way * _SPEED, 0.0, 0.0)]
-    material = stiff_material(subject)
+    own = materials or [stiff_material(subject)] * 4
     problem = PointProblem(
-        points=cloud_of(bodies, velocities, _SPACING),
-        materials=(material,),
+        points=cloud_of(bodies, velocities, _SPACING, range(4)),
+        materials=tuple(own),
         # Rough enough for the slabs to stay where they are.
         colliders=(Collider(shape=floor_of(subject), friction=2 * friction + 1),),
         body_contact=BodyContact(friction=friction),
@@ -167,7 +175,7 @@ def blocks_slide(subject: Subject, friction: float, contacts: Mapping[tuple[int,
             Ride(
                 deceleration=2 * (_SPEED * sliding - gone) / sliding**2 / (friction * GRAVITY),
                 way=float(rest) / (_SPEED * stop / 2),
-                late=2 * _settling(material, height) / sliding,
+                late=2 * max(_settling(material, height) for material in own) / sliding,
             )
         )
     return rides
@@ -243,21 +251,25 @@ def _rotation(before: Array, after: Array) -> Array:
     return u @ flip @ vt
 
 
-def blocks_stack(subject: Subject, duration: float) -> Stack:
-    """Three cubes of four cells on each other and on a floor, let go at rest; for `duration` [s]."""
+def blocks_stack(subject: Subject, duration: float, materials: Sequence[Material] | None = None) -> Stack:
+    """Three cubes of four cells on each other and on a floor, let go at rest; for `duration` [s].
+
+    They are of these materials, the lowest first; None: of the plainest, stiff.
+    """
     size = _STACKED[2] * _SPACING
     bodies = [box_of_points((0.0, 0.0, number * size), _STACKED, _SPACING) for number in range(3)]
-    material = stiff_material(subject)
+    own = materials or [stiff_material(subject)] * 3
     problem = PointProblem(
-        points=cloud_of(bodies, [(0.0, 0.0, 0.0)] * 3, _SPACING),
-        materials=(material,),
+        points=cloud_of(bodies, [(0.0, 0.0, 0.0)] * 3, _SPACING, range(3)),
+        materials=tuple(own),
         colliders=(Collider(shape=floor_of(subject), friction=0.5),),
         body_contact=BodyContact(friction=0.5),
         gravity=(0.0, 0.0, -GRAVITY),
     )
     can = subject.descriptor.capabilities.output_fields
     fields = {Field.VELOCITIES} & can
-    states = list(subject.states(problem, _accuracy(), np.linspace(0, duration, 21)[1:], fields))
+    journal = Journal()
+    states = list(subject.states(problem, _accuracy(), np.linspace(0, duration, 21)[1:], fields, journal))
     start, ids = problem.points.reference_positions, problem.points.body_ids
     creep, sinking = 0.0, 0.0
     for state in states:
@@ -269,29 +281,35 @@ def blocks_stack(subject: Subject, duration: float) -> Stack:
             under = moved[(ids == body - 1) & (start[:, 2] > (body - 0.25) * size), 2] if body else np.zeros(1)
             sinking = max(sinking, float(under.mean() - moved[rows, 2].min()) / _SPACING)
     top = start[:, 2] == start[:, 2].max()
-    stiffness = getattr(material, "youngs_modulus", math.inf)
     # A column that its own weight squeezes swings between nothing and twice rho g H^2 / (2 E).
-    squeezed = material.density * GRAVITY * (3 * size) ** 2 / stiffness
+    squeezed = max(
+        material.density * GRAVITY * (3 * size) ** 2 / getattr(material, "youngs_modulus", math.inf) for material in own
+    )
     lowest = min(float((state.positions - start)[top, 2].mean()) for state in states)
     highest = max(float((state.positions - start)[top, 2].mean()) for state in states)
     energies = [float(problem.masses @ np.sum(state.velocities**2, axis=1)) for state in states if fields]
     half = len(energies) // 2
+    # Rigid bodies stand still but for a share of what gravity gives in a step.
+    nothing = float(problem.masses.sum()) * (0.01 * GRAVITY * journal.largest_substep) ** 2
     return Stack(
         creep=creep,
         sinking=sinking,
         height=max(-lowest - squeezed, highest) / _SPACING,
-        heating=max(energies[half:]) / max(energies[:half]) if half else 0.0,
+        heating=max(energies[half:]) / max(nothing, *energies[:half]) if half else 0.0,
     )
 
 
-def blocks_collide(subject: Subject) -> Collision:
-    """A spinning block runs into another one at 2 m/s, off its middle and with friction, and leaves it again."""
+def blocks_collide(subject: Subject, materials: Sequence[Material] | None = None) -> Collision:
+    """A spinning block runs into another one at 2 m/s, off its middle and with friction, and leaves it again.
+
+    They are of these materials, the one at rest first; None: of the plainest, stiff.
+    """
     resting = box_of_points((0.0, 0.0, 0.0), (4, 4, 4), _SPACING)
     flying = box_of_points((-0.24, 0.06, 0.03), (4, 4, 4), _SPACING)
     spin = np.cross([0.0, 3.0, 5.0], flying - flying.mean(axis=0))
     problem = PointProblem(
-        points=cloud_of([resting, flying], [(0.0, 0.0, 0.0), np.array([2.0, -0.2, 0.0]) + spin], _SPACING),
-        materials=(stiff_material(subject),),
+        points=cloud_of([resting, flying], [(0.0, 0.0, 0.0), np.array([2.0, -0.2, 0.0]) + spin], _SPACING, range(2)),
+        materials=tuple(materials or [stiff_material(subject)] * 2),
         body_contact=BodyContact(friction=0.4),
         gravity=NO_GRAVITY,
     )

@@ -44,6 +44,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
     flags = {
         "pair-contacts": can.pair_contacts,
         "moving-colliders": can.moving_colliders,
+        "restitution": can.restitution,
         "checkpoints": can.checkpoints,
         "tracers": can.carries_tracers,
         "device-indices": can.device_indices,

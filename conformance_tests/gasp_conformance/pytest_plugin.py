@@ -16,9 +16,9 @@ from gasp_conformance.checks import MARK
 from gasp_conformance.ledger import Ledger
 
 if TYPE_CHECKING:
-    from gasp_conformance.subject import Subject
+    from gasp_conformance.subject import Need, Subject
 
-__all__ = ["Ledger", "ledger", "oracle", "subject", "subject_of"]
+__all__ = ["Ledger", "ledger", "need", "oracle", "subject", "subject_of"]
 
 _SUBJECT = pytest.StashKey["Subject | None"]()
 _ORACLE = pytest.StashKey["Subject | None"]()
@@ -118,6 +118,19 @@ def oracle(pytestconfig: pytest.Config) -> Subject:
     if found is None:
         pytest.skip("no engine to compare with: run with --gasp-oracle=NAME")
     return found
+
+
+@pytest.fixture
+def need(subject: Subject) -> Need:
+    """Ends a check as undeclared unless the engine declares what it is about."""
+
+    from gasp_conformance.subject import Undeclared
+
+    def ask(has: bool, what: str) -> None:
+        if not has:
+            raise Undeclared(f"{subject.name} does not declare {what}")
+
+    return ask
 
 
 @pytest.fixture

@@ -24,7 +24,11 @@ from gasp_core.engines.opening import open_engine, open_worker
 from gasp_core.errors import EngineDivergedError, UnsupportedSceneError
 from gasp_core.simulation.monitor import non_finite_rows
 
-__all__ = ["Journal", "Subject", "Undeclared", "find_subject", "finite_state", "isolated_subject"]
+__all__ = ["Journal", "Need", "Subject", "Undeclared", "find_subject", "finite_state", "isolated_subject"]
+
+
+Need = Callable[[bool, str], None]
+"""Ends a check as undeclared unless the engine declares what it is about: whether it does, and what that is."""
 
 
 class Undeclared(UnsupportedSceneError):

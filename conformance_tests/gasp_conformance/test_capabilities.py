@@ -16,17 +16,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gasp_conformance import body_cases, forcing_cases, material_cases, readout_cases, wall_cases
 from gasp_conformance import capability_oracles as exact
+from gasp_conformance import forcing_cases, material_cases, readout_cases, wall_cases
 from gasp_conformance.bounds import place_rounding, rounding
 from gasp_conformance.checks import Level, check
 from gasp_conformance.core_cases import block_falls, difference, states_differ, swaying_block
 from gasp_conformance.declarations import ABSENT, declared
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.specimens import NO_GRAVITY
-from gasp_conformance.subject import Subject, Undeclared, find_subject
+from gasp_conformance.subject import Need, Subject, find_subject
 from gasp_core.contract import (
-    BodyContact,
     BoxShape,
     ContactCondition,
     Determinism,
@@ -73,10 +72,11 @@ SHOWN = {
     "checkpoints",
     "pair-contacts",
     "moving-colliders",
+    "restitution",
     "device-indices",
     "tracers",
 }
-"""Names of the checks below; devices have theirs by their names."""
+"""Names of the checks below and in `test_bodies`; devices have theirs by their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -99,20 +99,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         argument,
         [pytest.param(item, marks=check(name, Level.CAPABILITY), id=name) for item, name in (names or nothing).items()],
     )
-
-
-@pytest.fixture
-def need(subject: Subject) -> Callable[[bool, str], None]:
-    """Ends a check as undeclared unless the engine declares what it is about."""
-
-    def ask(has: bool, what: str) -> None:
-        if not has:
-            raise Undeclared(f"{subject.name} does not declare {what}")
-
-    return ask
-
-
-Need = Callable[[bool, str], None]
 
 
 # --- materials ------------------------------------------------------------------------------------------------------
@@ -537,103 +523,6 @@ def test_moving_colliders(subject: Subject, ledger: Ledger, need: Need) -> None:
 
 
 # --- bodies ---------------------------------------------------------------------------------------------------------
-
-
-def rides(ledger: Ledger, case: str, ride: body_cases.Ride) -> None:
-    """That a block is slowed by friction and rests where that stops it.
-
-    Where bodies touch is known to a share of a cell, so friction acts over as many cells as a block is long but for
-    that share: an error of the first order, 0.8 cells of its length. The way to rest has half of what the deceleration
-    has, since what is late is made up for.
-    """
-    bound = 0.8 / body_cases.CELLS + ride.late
-    ledger.at_most(case, "deceleration / mu g - 1", ride.deceleration - 1, bound)
-    ledger.at_most(case, "way to rest / closed form - 1", ride.way - 1, bound / 2)
-
-
-def rests(ledger: Ledger, duration: float, subject: Subject) -> None:
-    """A stack stands; what its lowest points sink is below what a grid sees."""
-    stack = body_cases.blocks_stack(subject, duration)
-    ledger.at_most("stack", "creep / size", stack.creep, 1e-3)
-    ledger.at_most("stack", "sinking [cells]", stack.sinking, 1 / 3)
-    ledger.at_most("stack", "height [cells]", stack.height, 1 / 3)
-    # Nothing damps it but contact, so it need not fall; it swings with some periods in either half.
-    ledger.at_most("stack", "kinetic energy, later / earlier", stack.heating, 1.1)
-
-
-@pytest.mark.parametrize("friction", [0.3, 0.5])
-@check("bodies:separate[slide]", Level.CAPABILITY)
-def test_bodies_slide(subject: Subject, ledger: Ledger, need: Need, friction: float) -> None:
-    """Coulomb's law between two bodies: mu g, in either direction, and rest."""
-    need(ContactCondition.SEPARATE in subject.descriptor.capabilities.body_contacts, "that bodies separate")
-    for way, ride in zip(("left", "right"), body_cases.blocks_slide(subject, friction, {})):
-        rides(ledger, f"friction {friction} to the {way}", ride)
-
-
-@check("bodies:separate[part]", Level.CAPABILITY)
-def test_bodies_part(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """A block that leaves another one, or passes it half a cell above, does not feel it."""
-    need(ContactCondition.SEPARATE in subject.descriptor.capabilities.body_contacts, "that bodies separate")
-    leaving = body_cases.blocks_pass(subject, 0.0, (0.0, 0.0, 0.5))
-    ledger.at_most("leaving", "way / free - 1", leaving.way - 1, 0.02)
-    ledger.at_most("leaving", "way of the other / free", leaving.other, 0.02)
-    # No force at a distance at all.
-    for gap in (0.5, 1.0, 2.0):
-        passing = body_cases.blocks_pass(subject, gap, (1.0, 0.0, 0.0))
-        ledger.at_most(f"{gap:g} cells above", "way / free - 1", passing.way - 1, 1e-3)
-        ledger.at_most(f"{gap:g} cells above", "way of the other / free", passing.other, 1e-3)
-
-
-@check("bodies:separate[stack]", Level.CAPABILITY)
-def test_bodies_rest_on_each_other(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """Three blocks on each other stay where they are."""
-    need(ContactCondition.SEPARATE in subject.descriptor.capabilities.body_contacts, "that bodies separate")
-    rests(ledger, 0.4, subject)
-
-
-@check("bodies:separate[collide]", Level.CAPABILITY)
-def test_bodies_collide(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """Two blocks collide askew, with friction and spin: what one gives the other gets, and energy does not rise."""
-    can = subject.descriptor.capabilities
-    need(ContactCondition.SEPARATE in can.body_contacts, "that bodies separate")
-    need(Field.VELOCITIES in can.output_fields, "that it reports velocities")
-    collision = body_cases.blocks_collide(subject)
-    assert collision.exchanged > 0.3, "they did not meet"
-    if Quantity.LINEAR_MOMENTUM in can.conserved:
-        ledger.at_most(
-            "collision", "change of momentum", collision.momentum, rounding(subject, collision.substep_count)
-        )
-    ledger.at_most("collision", "kinetic energy / start - 1", max(collision.energy - 1, 0.0), 1e-3)
-
-
-@check("bodies:slip", Level.CAPABILITY)
-def test_bodies_slip(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """A block that is pulled along another one is not held, and one that is pulled off it is."""
-    need(ContactCondition.SLIP in subject.descriptor.capabilities.body_contacts, "that bodies slip")
-    along = body_cases.blocks_ride(subject, ContactCondition.SLIP, (1.0, 0.0, 0.0))
-    # In 0.1 s at 1 m/s it goes two cells; the two lie flat on each other, and may open by half a cell at most.
-    ledger.at_most("slip along", "way [cells] - free", along[0] - 2, 0.1)
-    ledger.at_most("slip along", "apart [cells]", along[2], 0.5)
-    off = body_cases.blocks_ride(subject, ContactCondition.SLIP, (0.0, 0.0, 1.0))
-    ledger.at_most("slip, pulled off", "apart [cells]", off[2], 0.5)
-
-
-@check("bodies:stick", Level.CAPABILITY)
-def test_bodies_stick(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """A block is held by another one, whichever way it is pulled."""
-    need(ContactCondition.STICK in subject.descriptor.capabilities.body_contacts, "that bodies stick")
-    for way in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
-        apart = body_cases.blocks_ride(subject, ContactCondition.STICK, way)
-        ledger.at_most(f"stick, pulled along {way}", "apart [cells]", float(np.linalg.norm(apart)), 0.5)
-
-
-@check("pair-contacts", Level.CAPABILITY)
-def test_pairs_have_their_own(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """Of two blocks on two slabs one slides as all bodies do, the other as its pair does."""
-    need(subject.descriptor.capabilities.pair_contacts, "that a pair has a contact of its own")
-    smooth, usual = body_cases.blocks_slide(subject, 0.4, {(0, 1): BodyContact()})
-    rides(ledger, "friction of all", usual)
-    ledger.at_most("no friction of its own", "deceleration / mu g", smooth.deceleration, 0.8 / body_cases.CELLS)
 
 
 # --- drives, forces, the domain -------------------------------------------------------------------------------------

@@ -39,6 +39,8 @@ class EngineCapabilities:
         Whether every pair of bodies may have a contact of its own.
     moving_colliders
         Whether colliders may move, as their `Collider.motion` says.
+    restitution
+        Whether rigid bodies bounce as their `Rigid.restitution` says.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -84,6 +86,7 @@ class EngineCapabilities:
     body_contacts: frozenset[ContactCondition] = frozenset()
     pair_contacts: bool = False
     moving_colliders: bool = False
+    restitution: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

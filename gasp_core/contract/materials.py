@@ -273,9 +273,22 @@ class Foam(_Yielding):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rigid(Material):
-    """A body that does not deform."""
+    """A body that does not deform.
+
+    Parameters
+    ----------
+    restitution
+        Newton's coefficient, >= 0 and <= 1, of speeds along the normal after a collision and before it: with a wall
+        this number, between two rigid bodies the product of theirs, and with other matter none, which bounces by its
+        own elasticity. For engines that declare `restitution`; 0: nothing bounces back because of it.
+    """
 
     kind: ClassVar[str] = "rigid"
+    restitution: float = 0.0
+
+    def __post_init__(self) -> None:
+        Material.__post_init__(self)
+        finite(self, "restitution", low=0.0, high=1.0)
 
 
 MATERIALS: dict[str, type[Material]] = {

@@ -42,6 +42,7 @@ class RigidBodies:
         About these axes; a point is a cube of its volume.
     arms : (N, 3) [m]
         Of the points from their body's centre, along its principal axes.
+    restitutions : (B,)
     """
 
     bodies: Array
@@ -53,6 +54,7 @@ class RigidBodies:
     axes: Array
     moments: Array
     arms: Array
+    restitutions: Array
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -150,6 +152,7 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
     masses = np.bincount(owners, weights)
     centers = np.stack([np.bincount(owners, weights * places[:, axis]) for axis in range(3)], axis=1) / masses[:, None]
     arms = places - centers[owners]
+    bounces = np.array([_restitution(problem, body) for body in numbers])
     axes, moments = np.empty((len(numbers), 3, 3)), np.empty((len(numbers), 3))
     for body in range(len(numbers)):
         own = owners == body
@@ -167,7 +170,14 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
         axes=axes,
         moments=moments,
         arms=np.einsum("nji,nj->ni", axes[owners], arms),
+        restitutions=bounces,
     )
+
+
+def _restitution(problem: PointProblem, body: int) -> float:
+    """The least of a body's materials."""
+    used = np.unique(problem.points.material_ids[problem.points.body_ids == body])
+    return min(material.restitution for row in used if isinstance(material := problem.materials[row], Rigid))
 
 
 def moved(bodies: RigidBodies, state: RigidState, step: float) -> RigidState:

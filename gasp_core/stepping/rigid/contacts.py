@@ -24,6 +24,11 @@ NO_BODY = -1
 """In place of a body: a wall."""
 _NEAR = 0.05
 """Of a sample's reach: surfaces this near to each other are looked at, besides those that may meet within the step."""
+_SLACK = 2e-3
+"""Of a sample's reach: surfaces may overlap by so much."""
+_CLOSER = 2
+_FLAT = 30.0
+"""Times a sample's reach: what is bent by less is a face. A ball has 8."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +51,7 @@ class Contacts:
     conditions : (C,)
         As in `CONDITIONS`.
     frictions : (C,)
+    restitutions : (C,)
     """
 
     first: Array
@@ -57,6 +63,7 @@ class Contacts:
     velocities: Array
     conditions: Array
     frictions: Array
+    restitutions: Array
 
     def __len__(self) -> int:
         return len(self.first)
@@ -97,7 +104,7 @@ class _Seen:
     """Surfaces where the bodies are now."""
 
     def __init__(self, bodies: RigidBodies, surfaces: RigidSurfaces, state: RigidState) -> None:
-        self.surfaces = surfaces
+        self.surfaces, self.restitutions = surfaces, bodies.restitutions
         self._centers, self._places = bodies.centers, state.places
         # From the reference positions to now.
         self._turns = state.rotations @ bodies.axes.transpose(0, 2, 1)
@@ -126,19 +133,26 @@ class _Seen:
         )
         return found[:, 0], found[:, 1:] @ self._turns[body].T
 
-    def foremost(self, body: int, rows: Array, places: Array, normals: Array, towards: Array) -> Array:
-        """Where the surface around samples is foremost in directions `towards` (K, 3), (K, 3) [m].
+    def bends(self, body: int, rows: Array) -> Array:
+        """Radii of curvature (K,) [m] at samples of a body."""
+        return self.surfaces.bends[self.rows(body).start + rows]
+
+    def onto(self, body: int, places: Array) -> Array:
+        """Places (K, 3) [m] near a surface, brought onto it."""
+        depth, slopes = self.distances(body, places)
+        return places - (depth / np.maximum(np.sum(slopes**2, axis=1), 0.1))[:, None] * slopes
+
+    def ways(self, body: int, rows: Array, across: Array) -> tuple[Array, Array]:
+        """How far (K,) [m] to where the surface faces a direction, per unit of what is across its normal (K, 3), and
+        whether it goes on so from a sample (K,).
 
         A sample is seldom the place where a round body touches; what it knows of the bend says where that is.
         """
-        across = towards - np.sum(towards * normals, axis=1, keepdims=True) * normals
         length = np.linalg.norm(across, axis=1)
-        start = self.rows(body).start
-        bend, reach = self.surfaces.bends[start + rows], self.surfaces.reaches[start + rows]
-        way = np.minimum(bend, reach / np.maximum(length, 1e-12))
-        moved = places + way[:, None] * across
-        depth, slopes = self.distances(body, moved)
-        return moved - (depth / np.maximum(np.sum(slopes**2, axis=1), 0.1))[:, None] * slopes
+        reach = self.surfaces.reaches[self.rows(body).start + rows]
+        most = reach / np.maximum(length, 1e-12)
+        bends = self.bends(body, rows)
+        return np.minimum(bends, most), bends <= most
 
 
 def _with_wall(seen: _Seen, body: int, wall: Collider, time: float, step: float, speed: float) -> Contacts:
@@ -149,7 +163,9 @@ def _with_wall(seen: _Seen, body: int, wall: Collider, time: float, step: float,
     if not len(near):
         return _none()
     outward, own = wall_surface(wall, places[near], time)
-    foremost = seen.foremost(body, near, places[near], normals[near], -outward)
+    across = _across(-outward, normals[near])
+    ways, _ = seen.ways(body, near, across)
+    foremost = seen.onto(body, places[near] + ways[:, None] * across)
     gaps = wall_distances(wall, foremost, time)
     outward, own = wall_surface(wall, foremost, time)
     way = step * (speed + float(np.linalg.norm(own, axis=1).max()))
@@ -163,6 +179,7 @@ def _with_wall(seen: _Seen, body: int, wall: Collider, time: float, step: float,
         reaches[near][kept],
         own[kept],
         BodyContact(contact=wall.contact, friction=wall.friction),
+        seen.restitutions[body],
     )
 
 
@@ -173,19 +190,47 @@ def _with_body(seen: _Seen, body: int, other: int, contact: BodyContact, way: fl
     near = np.flatnonzero(depth < reaches + way)
     if not len(near):
         return _none()
-    foremost = seen.foremost(body, near, places[near], normals[near], -_unit(slopes[near]))
+    places, normals, reaches = places[near], normals[near], reaches[near]
+    flat = seen.bends(body, near) > _FLAT * reaches
+    before = _across(-_unit(slopes[near]), normals)
+    ways, within = seen.ways(body, near, before)
+    # On a face it is everywhere as far: it is asked at the sample.
+    ways[flat] = 0.0
+    first = seen.onto(body, places + ways[:, None] * before)
+    # On the way there the other surface has turned, too: by a secant to where it faces this one, and on from there.
+    after = _facing(seen, body, other, first)
+    squares = np.sum(before * before, axis=1)
+    change = squares - np.sum(before * after, axis=1)
+    ways *= np.clip(np.where(change > 0, squares / np.where(change > 0, change, 1.0), 1.0), 0.0, 1.0)
+    foremost = seen.onto(body, places + ways[:, None] * before)
+    for _ in range(_CLOSER):
+        left = _facing(seen, body, other, foremost)
+        foremost = seen.onto(body, foremost + np.minimum(ways, seen.ways(body, near, left)[0])[:, None] * left)
     gaps, slopes = seen.distances(other, foremost)
-    kept = gaps < _NEAR * reaches[near] + way
+    outward = _unit(slopes)
+    # A flat face says better than an edge that slides over it where the two are going.
+    outward[flat] = -normals[flat]
+    # What is beyond the reach of a sample is within that of another one.
+    kept = (gaps < _NEAR * reaches + way) & (flat | within)
     zero = np.zeros((int(kept.sum()), 3))
-    return _made(body, other, foremost[kept], _unit(slopes[kept]), gaps[kept], reaches[near][kept], zero, contact)
+    bounce = float(seen.restitutions[body] * seen.restitutions[other])
+    return _made(body, other, foremost[kept], outward[kept], gaps[kept], reaches[kept], zero, contact, bounce)
+
+
+def _facing(seen: _Seen, body: int, other: int, places: Array) -> Array:
+    """What (K, 3) of the other surface's normals is across those of a body at places (K, 3) [m] on it."""
+    _, one = seen.distances(body, places)
+    _, two = seen.distances(other, places)
+    return _across(-_unit(two), _unit(one))
+
+
+def _across(vectors: Array, normals: Array) -> Array:
+    """What of vectors (K, 3) is across unit normals (K, 3)."""
+    return vectors - np.sum(vectors * normals, axis=1, keepdims=True) * normals
 
 
 def _unit(vectors: Array) -> Array:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-
-
-_SLACK = 2e-3
-"""Of a sample's reach."""
 
 
 def _made(
@@ -197,6 +242,7 @@ def _made(
     reaches: Array,
     velocities: Array,
     contact: BodyContact,
+    restitution: float,
 ) -> Contacts:
     count = len(places)
     return Contacts(
@@ -209,9 +255,10 @@ def _made(
         velocities=velocities,
         conditions=np.full(count, CONDITIONS[contact.contact]),
         frictions=np.full(count, contact.friction),
+        restitutions=np.full(count, restitution),
     )
 
 
 def _none() -> Contacts:
     nothing = np.zeros((0, 3))
-    return _made(0, 0, nothing, nothing, np.zeros(0), np.zeros(0), nothing, BodyContact())
+    return _made(0, 0, nothing, nothing, np.zeros(0), np.zeros(0), nothing, BodyContact(), 0.0)

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState
+from gasp_core.stepping.mpm import HELD_TOGETHER
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
 from gasp_core.stepping.session import impulse_change
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 
-__all__ = ["GridNodes", "RigidSide"]
+__all__ = ["NO_NODES", "GridNodes", "RigidSide"]
 
 if TYPE_CHECKING:
+    from gasp_core.stepping.rigid.nodes import NodeContacts
     from gasp_core.stepping.rigid.world import RigidWorld
 
 Array = NDArray[Any]
@@ -24,7 +26,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridNodes:
-    """Nodes of a grid where matter of other bodies is within rigid ones, K of them.
+    """Nodes of a grid where matter of other bodies is near rigid ones, K of them.
 
     Parameters
     ----------
@@ -37,6 +39,10 @@ class GridNodes:
     masses : (K,) [kg]
     normals : (K, 3)
         Out of the rigid body.
+    gaps : (K,) [m]
+        From its surface to that of the matter.
+    held_together
+        Gap at which what sticks or slips still does [m].
     """
 
     rigid: Array
@@ -45,9 +51,25 @@ class GridNodes:
     velocities: Array
     masses: Array
     normals: Array
+    gaps: Array
+    held_together: float
 
     def __len__(self) -> int:
         return len(self.rigid)
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+NO_NODES = GridNodes(
+    rigid=_NONE,
+    others=_NONE,
+    places=np.zeros((0, 3)),
+    velocities=np.zeros((0, 3)),
+    masses=np.zeros(0),
+    normals=np.zeros((0, 3)),
+    gaps=np.zeros(0),
+    held_together=0.0,
+)
+"""Of a scene without a grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,33 +124,32 @@ class RigidSide:
         bodies = np.unique(problem.points.body_ids[rows])
         return cls(problem=problem, world=world, soft=soft, soft_rows=rows, soft_bodies=bodies, tracer_owners=owners)
 
-    def nodes(
-        self,
-        places: Array,
-        velocities: Array,
-        masses: Array,
-        bodies: Array,
-        tolerance: float,
-    ) -> tuple[Array, GridNodes]:
-        """Which of G nodes are within rigid bodies, and those, each with the body in which it is the deepest.
+    def near(self, positions: Array, half_widths: Array, bodies: Array, spacing: float, origin: Array) -> NodeContacts:
+        """Nodes where matter may touch a rigid body within a step.
 
         Parameters
         ----------
-        places, velocities : (G, 3) [m], [m/s]
-        masses : (G,) [kg]
-        bodies : (G,)
-            Whose they are, as bodies are counted in `soft`.
-        tolerance
-            A node that is nearer than this is within [m].
+        positions, half_widths, bodies, spacing, origin
+            Of points of `soft`: see `gasp_core.stepping.rigid.nodes.nodes_near`.
         """
-        rows, rigid, normals = self.world.within(places, tolerance)
-        return rows, GridNodes(
-            rigid=rigid,
-            others=self.soft_bodies[bodies[rows]],
-            places=places[rows],
-            velocities=velocities[rows],
-            masses=masses[rows],
-            normals=normals,
+        # Only where it is needed: what it imports takes half a second.
+        from gasp_core.stepping.rigid.nodes import nodes_near
+
+        poses = [self.world.pose(body) for body in range(len(self.world.bodies))]
+        # No point goes further than half a cell in a step; the body may come towards it as far.
+        return nodes_near(self.world.surfaces, poses, positions, half_widths, bodies, spacing, origin, spacing)
+
+    def met(self, contacts: NodeContacts, velocities: Array, masses: Array, spacing: float, origin: Array) -> GridNodes:
+        """The same nodes with what they have: velocities (K, 3) [m/s] and masses (K,) [kg]."""
+        return GridNodes(
+            rigid=contacts.rigid,
+            others=self.soft_bodies[contacts.bodies],
+            places=contacts.nodes * spacing + origin,
+            velocities=velocities,
+            masses=masses,
+            normals=contacts.normals,
+            gaps=contacts.gaps,
+            held_together=HELD_TOGETHER * spacing,
         )
 
     def impulse(self, impulse: Impulse, positions: Array) -> tuple[Array, Array] | None:

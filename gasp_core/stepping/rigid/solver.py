@@ -36,6 +36,7 @@ def loaded(
     normals: Array,
     conditions: Array,
     frictions: Array,
+    rooms: Array,
     gates: Array,
 ) -> None:
     """Add to bodies what nodes do to them, given how fast the bodies are now.
@@ -55,6 +56,9 @@ def loaded(
         Where the nodes are [m], how fast [m/s], and where out of the body is.
     masses : (K,) [kg]
     conditions, frictions : (K,)
+    rooms : (K,) [m/s]
+        Speed along the normal at which what is between the two closes within the step; infinite where two that stick
+        or slip are not held together.
     gates : (K, 2)
         Filled: the shares of the relative velocity that contact takes along the normal and across it.
     """
@@ -70,14 +74,18 @@ def loaded(
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         approach = cx * nx + cy * ny + cz * nz
         along, across = 1.0, 1.0
-        if conditions[k] == _SLIP:
-            across = 0.0
-        elif conditions[k] != _STICK:
-            along = 1.0 if approach > 0 else 0.0
+        if conditions[k] == _SLIP or conditions[k] == _STICK:
+            if rooms[k] == np.inf:
+                along, across = 0.0, 0.0
+            elif conditions[k] == _SLIP:
+                across = 0.0
+        else:
+            stopped = max(approach - rooms[k], 0.0)
+            along = stopped / approach if stopped > 0 else 0.0
             tx, ty, tz = cx - approach * nx, cy - approach * ny, cz - approach * nz
             speed = (tx * tx + ty * ty + tz * tz) ** 0.5
-            limit = frictions[k] * max(approach, 0.0)
-            across = 1.0 if limit >= speed and approach > 0 else (limit / speed if speed > 0 else 0.0)
+            limit = frictions[k] * stopped
+            across = 1.0 if limit >= speed and stopped > 0 else (limit / speed if speed > 0 else 0.0)
         gates[k, 0], gates[k, 1] = along, across
         if along == 0.0 and across == 0.0:
             continue
@@ -105,17 +113,13 @@ def settle_nodes(
     bodies: Array,
     places: Array,
     nodes: Array,
-    masses: Array,
     normals: Array,
     gates: Array,
-    given: Array,
 ) -> None:
     """What nodes have after contact with bodies of these velocities; `nodes` (K, 3) [m/s] is changed.
 
-    Parameters
-    ----------
-    given : (B, 6)
-        Added to: momenta, linear and angular about the centres, that the bodies have given.
+    The other arguments are those of `loaded`, with the gates that it found: the bodies' velocities have it already that
+    they gave what nodes now get.
     """
     for k in range(len(bodies)):
         b = bodies[k]
@@ -133,13 +137,6 @@ def settle_nodes(
         nodes[k, 0] += cx
         nodes[k, 1] += cy
         nodes[k, 2] += cz
-        px, py, pz = masses[k] * cx, masses[k] * cy, masses[k] * cz
-        given[b, 0] += px
-        given[b, 1] += py
-        given[b, 2] += pz
-        given[b, 3] += ry * pz - rz * py
-        given[b, 4] += rz * px - rx * pz
-        given[b, 5] += rx * py - ry * px
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

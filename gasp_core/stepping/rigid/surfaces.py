@@ -125,7 +125,7 @@ def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
     halves = np.cbrt(points.reference_volumes[rows]) / 2
     low, high = (places - halves[:, None]).min(axis=0), (places + halves[:, None]).max(axis=0)
     spacing = max(float(np.median(halves)), float((high - low).max()) / _MOST_NODES)
-    counts = np.ceil((high - low) / spacing).astype(int) + 2 * _MARGIN + 1
+    counts = np.ceil((high - low) / spacing - 1e-6).astype(int) + 2 * _MARGIN + 1
     # The middle of the field is that of the body: a block's opposite faces are alike.
     origin = (low + high - spacing * (counts - 1)) / 2
     nodes = origin + spacing * np.indices(tuple(counts)).reshape(3, -1).T
@@ -140,7 +140,8 @@ def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
     values = np.where(outside > 0, outside, outside[tuple(to)] - spacing * away)
     # Where a cube is smaller than a cell of the field it would be lost.
     own = np.rint((places - origin) / spacing).astype(int)
-    values[tuple(own.T)] = np.minimum(values[tuple(own.T)], -halves)
+    there = values[tuple(own.T)]
+    values[tuple(own.T)] = np.where(there < 0, there, -halves)
     return SignedDistanceField(origin=tuple(origin), spacing=spacing, values=values)
 
 

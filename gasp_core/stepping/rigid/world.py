@@ -21,7 +21,7 @@ from gasp_core.stepping.forcing import walls_of
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
-from gasp_core.stepping.rigid.side import GridNodes
+from gasp_core.stepping.rigid.side import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of
 from gasp_core.stepping.rigid_motion import Pose
@@ -35,6 +35,8 @@ _ROUNDS = 8
 _SWEEPS = 200
 _TOLERANCE = 1e-5
 """Of what gravity gives in a step."""
+_RESTING = 4.0
+"""Times what gravity gives in a step: what comes no faster does not bounce."""
 _PUSHED_APART = 0.05
 """Of an overlap, in a step,"""
 _PUSHING_SPEED = 0.5
@@ -108,26 +110,6 @@ class RigidWorld:
             angular_velocity=self.state.angular_velocities(self.bodies)[body],
         )
 
-    def within(self, places: Array, tolerance: float) -> tuple[Array, Array, Array]:
-        """Which of places (G, 3) [m] are within rigid bodies, or nearer than `tolerance` [m].
-
-        Returns
-        -------
-        Their rows (K,), the body (K,) in which each is the deepest, and the normals (K, 3) out of it.
-        """
-        deepest = np.full(len(places), np.inf)
-        owner, normals = np.zeros(len(places), dtype=np.int64), np.zeros((len(places), 3))
-        for body in range(len(self.bodies)):
-            away = places - self.state.places[body]
-            near = np.flatnonzero(np.abs(away).max(axis=1, initial=0.0) < self.surfaces.radii[body] + tolerance)
-            depth, slopes = self.surfaces.seen(body, self.pose(body), places[near])
-            deeper = (depth <= tolerance) & (depth < deepest[near])
-            rows = near[deeper]
-            deepest[rows], owner[rows], normals[rows] = depth[deeper], body, slopes[deeper]
-        rows = np.flatnonzero(np.isfinite(deepest))
-        length = np.linalg.norm(normals[rows], axis=1, keepdims=True)
-        return rows, owner[rows], normals[rows] / np.maximum(length, 1e-300)
-
     def keep_out(self, velocities: Array, positions: Array, half_widths: Array, masses: Array, step: float) -> Array:
         """Velocities (N, 3) [m/s] with which points of what flows do not enter rigid bodies, after their step.
 
@@ -173,7 +155,7 @@ class RigidWorld:
             spins=self.state.spins + spins,
         )
 
-    def step(self, time: float, step: float, nodes: GridNodes | None = None) -> Array:
+    def step(self, time: float, step: float, nodes: GridNodes = NO_NODES) -> Array:
         """Go `step` [s] on from `time` [s], and give the velocities (K, 3) [m/s] that nodes have after contact."""
         bodies, state = self.bodies, self.state
         count = len(bodies)
@@ -225,72 +207,42 @@ class RigidWorld:
     def _met(
         self,
         contacts: Contacts,
-        nodes: GridNodes | None,
-        inertias: Array,
-        momenta: Array,
+        nodes: GridNodes,
+        own_inertias: Array,
+        own_momenta: Array,
         velocities: Array,
         held: Sequence[int],
         step: float,
     ) -> tuple[Array, Array]:
         """Velocities (B, 6) of bodies and (K, 3) [m/s] of nodes after contact."""
-        tolerance = _TOLERANCE * step * max(float(np.linalg.norm(self._problem.gravity)), 1e-3)
-        frames, offsets, targets = _directions(contacts, velocities, self.state.places, step)
+        gravity, centers = float(np.linalg.norm(self._problem.gravity)), self.state.places
+        tolerance = _TOLERANCE * step * max(gravity, 1e-3)
+        frames, offsets, targets = _directions(contacts, velocities, centers, step, _RESTING * step * gravity)
         impulses = np.zeros((len(contacts), 3))
-        own_inertias, own_momenta = inertias, momenta
-        known = None
-        if nodes is not None and len(nodes):
-            known = (nodes.rigid, nodes.places, nodes.velocities, nodes.masses, nodes.normals)
-        gates = np.zeros((0 if nodes is None else len(nodes), 2))
+        conditions = self._conditions[nodes.others, nodes.rigid]
+        frictions = self._frictions[nodes.others, nodes.rigid]
+        apart = np.where(nodes.gaps <= nodes.held_together, 0.0, np.inf)
+        parting = conditions == CONDITIONS[ContactCondition.SEPARATE]
+        rooms = np.where(parting, np.maximum(nodes.gaps, 0.0) / step, apart)
+        gates = np.zeros((len(nodes), 2))
+        places = (nodes.rigid, nodes.places)
         found = velocities
-        for _ in range(_ROUNDS if known else 1):
+        for _ in range(_ROUNDS if len(nodes) else 1):
             before = found
             inertias, momenta = own_inertias.copy(), own_momenta.copy()
-            if known:
-                rigid, places, speeds, masses, normals = known
-                others = nodes.others  # pyright: ignore[reportOptionalMemberAccess]
-                loaded(
-                    inertias,
-                    momenta,
-                    self.state.places,
-                    before,
-                    rigid,
-                    places,
-                    speeds,
-                    masses,
-                    normals,
-                    self._conditions[others, rigid],
-                    self._frictions[others, rigid],
-                    gates,
-                )
+            acting = (nodes.velocities, nodes.masses, nodes.normals, conditions, frictions, rooms)
+            loaded(inertias, momenta, centers, before, *places, *acting, gates)
             inverses = np.linalg.inv(inertias)
             found = np.einsum("bij,bj->bi", inverses, momenta)
             for body in held:
                 inverses[body], found[body] = 0.0, velocities[body]
-            if len(contacts):
-                solve(
-                    inverses,
-                    found,
-                    self.state.places,
-                    contacts.first,
-                    contacts.second,
-                    contacts.places,
-                    frames,
-                    offsets,
-                    targets,
-                    contacts.conditions,
-                    contacts.frictions,
-                    impulses,
-                    tolerance,
-                    _SWEEPS,
-                )
+            at = (contacts.first, contacts.second, contacts.places, frames, offsets, targets)
+            ways = (contacts.conditions, contacts.frictions)
+            solve(inverses, found, centers, *at, *ways, impulses, tolerance, _SWEEPS)
             if np.abs(found - before).max() * max(1.0, float(self.surfaces.radii.max())) <= tolerance:
                 break
-        after = np.zeros((0, 3))
-        if known:
-            rigid, places, speeds, masses, normals = known
-            after = speeds.copy()
-            given = np.zeros((len(self.bodies), 6))
-            settle_nodes(self.state.places, found, rigid, places, after, masses, normals, gates, given)
+        after = nodes.velocities.copy()
+        settle_nodes(centers, found, *places, after, nodes.normals, gates)
         return found, after
 
     def _pushed_apart(self, contacts: Contacts, inertias: Array, held: Sequence[int], step: float) -> Array:
@@ -339,8 +291,14 @@ def _edges(lower: tuple[float, float, float], upper: tuple[float, float, float])
     return found
 
 
-def _directions(contacts: Contacts, velocities: Array, centers: Array, step: float) -> tuple[Array, Array, Array]:
-    """Frames (C, 3, 3) of contacts, what the walls have along them (C, 3) [m/s], and the targets (C,) [m/s]."""
+def _directions(
+    contacts: Contacts, velocities: Array, centers: Array, step: float, resting: float
+) -> tuple[Array, Array, Array]:
+    """Frames (C, 3, 3) of contacts, what the walls have along them (C, 3) [m/s], and the targets (C,) [m/s].
+
+    An open gap may close within the step, but no further. What comes faster than `resting` [m/s] and would touch within
+    it leaves with its restitution's share of that.
+    """
     closing = _at(velocities, centers, contacts.first, contacts.places) - contacts.velocities
     bodies = contacts.second != NO_BODY
     closing[bodies] -= _at(velocities, centers, contacts.second[bodies], contacts.places[bodies])
@@ -353,8 +311,11 @@ def _directions(contacts: Contacts, velocities: Array, centers: Array, step: flo
     across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     frames = np.stack([normals, across, np.cross(normals, across)], axis=1)
     offsets = np.einsum("cij,cj->ci", frames, contacts.velocities)
-    targets = np.where(contacts.conditions == CONDITIONS[ContactCondition.SEPARATE], -np.maximum(contacts.gaps, 0.0), 0)
-    return frames, offsets, targets / step
+    approach = -np.sum(closing * normals, axis=1)
+    room = np.maximum(contacts.gaps, 0.0) / step
+    bouncing = (approach > resting) & (approach >= room) & (contacts.restitutions > 0)
+    targets = np.where(bouncing, contacts.restitutions * approach, -room)
+    return frames, offsets, np.where(contacts.conditions == CONDITIONS[ContactCondition.SEPARATE], targets, 0.0)
 
 
 def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:

@@ -23,7 +23,6 @@ from gasp_mpm_host.cells import BLOCK, CellTables, arrange
 from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
-from gasp_mpm_host.stages import GridBlocks
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
 
 __all__ = ["SEEDING_PASSES", "SortedCloud"]
@@ -229,7 +228,7 @@ class SortedCloud(ABC):
         column = (rows.homes[:, 0].astype(np.int64) - found.lower[0]) // BLOCK
         there = self._columns[np.clip(column, 0, len(self._columns) - 1)]
         woken = arrange_tracers(rows.homes, found, there == self._tracer_bodies[rows.ids])
-        self._found, self._active_blocks = found, woken.active
+        self._found = found
         rows = rows.sorted(woken.order)
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
@@ -238,25 +237,22 @@ class SortedCloud(ABC):
 
     # ---- between the stages of a step -------------------------------------------------------------------------------
 
-    def blocks(self) -> GridBlocks:
+    def rows_of(self, nodes: Array, bodies: Array) -> Array:
         """See `gasp_mpm_host.stages.StagedCloud`."""
         found = self._found
-        corners = BLOCK * np.stack(np.unravel_index(self._active_blocks, found.shape // BLOCK), axis=1)
-        bodies = self._columns[corners[:, 0] // BLOCK]
-        return GridBlocks(
-            corners=corners,
-            shape=found.shape,
-            places=found.lower + corners - self._stands[bodies],
-            bodies=bodies,
-        )
+        x, y, z = (nodes + self._stands[bodies] - found.lower).T
+        return (x * found.shape[1] + y) * found.shape[2] + z
 
-    def flowing(self) -> tuple[Array, Array, Array, Array]:
+    def all_cells(self) -> Array:
         """See `gasp_mpm_host.stages.StagedCloud`."""
-        rows = np.flatnonzero(self._flows[self._ids])
+        cells = self._cell_rows()
+        return cells - self._stands[self._bodies[self._ids]] if self._stands.any() else cells
+
+    def traits(self, rows: Array) -> tuple[Array, Array, Array, Array]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
         own = self._ids[rows]
-        points = self._problem.points
-        half_widths = 0.5 * np.cbrt(points.reference_volumes[own]) / self.units.spacing
-        return rows, self._scene_cells(rows), half_widths, self._problem.masses[own] / self.units.mass
+        half_widths = 0.5 * np.cbrt(self._problem.points.reference_volumes[own]) / self.units.spacing
+        return half_widths, self._problem.masses[own] / self.units.mass, self._bodies[own], self._flows[own]
 
     def moving(self, rows: Array) -> tuple[Array, Array]:
         """See `gasp_mpm_host.stages.StagedCloud`."""

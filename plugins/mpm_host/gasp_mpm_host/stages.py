@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
@@ -10,19 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.stepping.rigid.side import RigidSide
-from gasp_mpm_host import layout as at
-from gasp_mpm_host.cells import BLOCK
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["GridBlocks", "RigidSteps", "Stage", "StagedCloud"]
+__all__ = ["RigidSteps", "Stage", "StagedCloud"]
 
 Array = NDArray[Any]
 
-_NODES = np.indices((BLOCK, BLOCK, BLOCK)).reshape(3, -1).T
-_AROUND = 3.0
-"""In cells: what is so much farther away than the bodies is not asked for, until a batch is over."""
-_TOUCH = 1e-3
-"""In cells: a node this near to a surface counts as on it, as at walls."""
+_AROUND = 4.0
+"""In cells: points so much farther away than the bodies do not meet them before a batch is over."""
 
 
 class Stage(Enum):
@@ -43,35 +37,6 @@ class Stage(Enum):
     MOVE = "move"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GridBlocks:
-    """The active blocks of a grid.
-
-    Parameters
-    ----------
-    corners : (A, 3)
-        Their first nodes, from the grid's first node.
-    shape : (3,)
-        Nodes of the grid along each axis.
-    places : (A, 3)
-        Where these nodes are in the scene, in cells from the anchor.
-    bodies : (A,)
-        Whose they are.
-    """
-
-    corners: Array
-    shape: Array
-    places: Array
-    bodies: Array
-
-    def nodes(self, blocks: Array) -> tuple[Array, Array, Array]:
-        """Of some of the blocks (K,): rows (64 K,) in the grid's memory, places (64 K, 3) in cells, bodies (64 K,)."""
-        corners = (self.corners[blocks, None] + _NODES).reshape(-1, 3)
-        rows = (corners[:, 0] * self.shape[1] + corners[:, 1]) * self.shape[2] + corners[:, 2]
-        places = (self.places[blocks, None] + _NODES).reshape(-1, 3)
-        return rows, places, np.repeat(self.bodies[blocks], len(_NODES))
-
-
 class StagedCloud(Protocol):
     """What a `gasp_mpm_host.session.SteppedCloud` can do besides, for `RigidSteps`."""
 
@@ -89,8 +54,8 @@ class StagedCloud(Protocol):
         """Whether a point drifted in this step, whether the edge held any."""
         ...
 
-    def blocks(self) -> GridBlocks:
-        """The active blocks, until the points are sorted."""
+    def rows_of(self, nodes: Array, bodies: Array) -> Array:
+        """Where nodes (K, 3) of bodies (K,) are in the grid's memory, (K,); their coordinates are the scene's."""
         ...
 
     def node_rows(self, rows: Array) -> Array:
@@ -101,8 +66,12 @@ class StagedCloud(Protocol):
         """Give nodes in rows (K,) velocities (K, 3), also where tracers read them."""
         ...
 
-    def flowing(self) -> tuple[Array, Array, Array, Array]:
-        """Points of what flows: rows (F,), places (F, 3) in the scene, in cells, half widths (F,), masses (F,)."""
+    def all_cells(self) -> Array:
+        """Places (N, 3) of all points in the scene, in cells."""
+        ...
+
+    def traits(self, rows: Array) -> tuple[Array, Array, Array, Array]:
+        """Of points in rows (K,): half widths (K,), masses (K,), bodies (K,), whether they flow (K,)."""
         ...
 
     def moving(self, rows: Array) -> tuple[Array, Array]:
@@ -135,66 +104,50 @@ class RigidSteps:
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
         """Do steps first..end of the batch; see `SteppedCloud.steps`."""
-        cloud, world = self._cloud, self._side.world
-        rows, places, bodies = self._near_nodes()
-        points, half_widths, weights = self._near_points()
+        cloud, side = self._cloud, self._side
         units, step = cloud.units, self._step
+        rows, half_widths, masses, bodies, flowing = self._near_points()
         clamped = False
         for index in range(first, end):
             cloud.begin_stages(index, first)
             cloud.stage(Stage.SCATTER, index)
-            masses = cloud.node_rows(rows)[:, 3].astype(np.float64)
+            places, _ = cloud.moving(rows)
+            near = side.near(units.world(places), half_widths, bodies, units.spacing, units.anchor)
+            nodes = cloud.rows_of(near.nodes, near.bodies)
+            weights = cloud.node_rows(nodes)[:, 3].astype(np.float64) * units.mass
             cloud.stage(Stage.UPDATE, index)
-            filled = np.flatnonzero(masses > at.LEAST_MASS)
-            within, nodes = self._side.nodes(
-                places[filled],
-                cloud.node_rows(rows[filled])[:, :3].astype(np.float64) * units.speed,
-                masses[filled] * units.mass,
-                bodies[filled],
-                _TOUCH * units.spacing,
-            )
-            after = world.step(self._begin + index * step, step, nodes)
-            cloud.put_velocities(rows[filled[within]], after / units.speed)
+            velocities = cloud.node_rows(nodes)[:, :3].astype(np.float64) * units.speed
+            met = side.met(near, velocities, weights, units.spacing, units.anchor)
+            after = side.world.step(self._begin + index * step, step, met)
+            cloud.put_velocities(nodes, after / units.speed)
             cloud.stage(Stage.MOVE, index)
-            if len(points):
-                self._keep_out(points, half_widths, weights)
+            if len(flowing):
+                self._keep_out(rows[flowing], places[flowing], half_widths[flowing], masses[flowing])
             drifted, held = cloud.end_stages()
             clamped |= held
             if drifted:
                 return index + 1 - first, True, clamped
         return end - first, False, clamped
 
-    def _near(self, places: Array, margin: float) -> Array:
-        """Which places (K, 3) [m] are within `margin` [m] of a rigid body, or of the ball around it; (K,) of bool."""
-        world = self._side.world
+    def _near_points(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Rows (P,), half widths (P,) [m], masses (P,) [kg] and bodies (P,) of points that rigid bodies may meet within
+        the batch, and which of them flow (F,)."""
+        units, world = self._cloud.units, self._side.world
+        places = units.world(self._cloud.all_cells())
         near = np.zeros(len(places), dtype=np.bool_)
         for place, radius in zip(world.state.places, world.surfaces.radii):
-            near |= np.sum((places - place) ** 2, axis=1) < (radius + margin) ** 2
-        return near
+            near |= np.sum((places - place) ** 2, axis=1) < (radius + _AROUND * units.spacing) ** 2
+        rows = np.flatnonzero(near)
+        half_widths, masses, bodies, flows = self._cloud.traits(rows)
+        return rows, half_widths * units.spacing, masses * units.mass, bodies, np.flatnonzero(flows)
 
-    def _near_nodes(self) -> tuple[Array, Array, Array]:
-        """Rows (G,), places (G, 3) [m] and bodies (G,) of nodes that rigid bodies may reach within the batch."""
-        units, blocks = self._cloud.units, self._cloud.blocks()
-        middle = units.world(blocks.places + (BLOCK - 1) / 2)
-        half = 0.5 * BLOCK * np.sqrt(3.0)
-        rows, places, bodies = blocks.nodes(np.flatnonzero(self._near(middle, (half + _AROUND) * units.spacing)))
-        return rows, units.world(places), bodies
-
-    def _near_points(self) -> tuple[Array, Array, Array]:
-        """Rows (F,), half widths (F,) [m] and masses (F,) [kg] of flowing points that they may reach within it."""
-        units = self._cloud.units
-        rows, places, half_widths, masses = self._cloud.flowing()
-        near = self._near(units.world(places), _AROUND * units.spacing)
-        return rows[near], half_widths[near] * units.spacing, masses[near] * units.mass
-
-    def _keep_out(self, points: Array, half_widths: Array, masses: Array) -> None:
+    def _keep_out(self, rows: Array, cells: Array, half_widths: Array, masses: Array) -> None:
+        """Points that were at `cells` (F, 3) before the step that has just moved them."""
         units, cloud = self._cloud.units, self._cloud
-        places, velocities = cloud.moving(points)
+        _, velocities = cloud.moving(rows)
         before = velocities * units.speed
-        # Where they were: what is asked is how they go on from there.
-        start = units.world(places) - self._step * before
-        after = self._side.world.keep_out(before, start, half_widths, masses, self._step)
+        after = self._side.world.keep_out(before, units.world(cells), half_widths, masses, self._step)
         changed = np.flatnonzero(np.any(after != before, axis=1))
         if len(changed):
             change = (after[changed] - before[changed]) / units.speed
-            cloud.nudge(points[changed], change, self._step / units.time)
+            cloud.nudge(rows[changed], change, self._step / units.time)

@@ -47,6 +47,7 @@ CAPABILITIES = EngineCapabilities(
     body_contacts=frozenset(ContactCondition),
     pair_contacts=True,
     moving_colliders=True,
+    restitution=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import DomainPolicy, PointProblem
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_reference_mpm.bodies import looked, met
-from gasp_reference_mpm.boundary import TOUCH, blown, collided, driven, kept_inside, kept_out
+from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
@@ -64,10 +64,12 @@ def substep(
         held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
     if rigid is not None:
-        bodies = stencil.fields.bodies_of(grid.nodes)
-        rows, nodes = rigid.nodes(places, velocities, grid.mass, bodies, TOUCH * spacing)
+        half_widths = 0.5 * np.cbrt(matter.volumes)
+        near = rigid.near(motion.positions + origin, half_widths, problem.points.body_ids, spacing, origin)
+        rows = np.searchsorted(grid.nodes, stencil.fields.flat(near.bodies, near.nodes))
         velocities = velocities.copy()
-        velocities[rows] = rigid.world.step(time, step, nodes)
+        met_nodes = rigid.met(near, velocities[rows], grid.mass[rows], spacing, origin)
+        velocities[rows] = rigid.world.step(time, step, met_nodes)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     deformations, history = deformed(matter, motion, velocity_gradients, step)

@@ -1,0 +1,157 @@
+"""Which nodes of a grid carry matter that touches a rigid body, how near that is, and along which normal.
+
+A node hears of matter that is a cell and a half away, so that its own place says little: within the edge of a block
+that slides on a slab there are nodes of the slab, and the nearest face of the block is the one in front. What touches
+is judged where the matter is, at the points around the node, as between two bodies that deform.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces
+from gasp_core.stepping.rigid_motion import Pose
+
+__all__ = ["NodeContacts", "nodes_near"]
+
+Array = NDArray[Any]
+
+_REACH = 0.5
+"""In cells: nodes farther out of a body are left to the matter around them; nearer ones there are wherever it is."""
+_FELT = 3.0
+"""In cells: points farther away than this touch no such node."""
+_NEAREST = 0.1
+"""In cells: over how much the nearest points around a node share in its normal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeContacts:
+    """Nodes of matter that is near rigid bodies, K of them, each with the body that is nearest.
+
+    Parameters
+    ----------
+    nodes : (K, 3)
+        Whole-number coordinates, in cells.
+    bodies : (K,)
+        Whose matter it is, as the points have it.
+    rigid : (K,)
+        The rigid body.
+    normals : (K, 3)
+        Out of it.
+    gaps : (K,) [m]
+        From its surface to that of the matter.
+    """
+
+    nodes: Array
+    bodies: Array
+    rigid: Array
+    normals: Array
+    gaps: Array
+
+
+def nodes_near(
+    surfaces: RigidSurfaces,
+    poses: list[Pose],
+    positions: Array,
+    half_widths: Array,
+    bodies: Array,
+    spacing: float,
+    origin: Array,
+    open_gap: float,
+) -> NodeContacts:
+    """Nodes where matter is nearer than `open_gap` [m] to a rigid body.
+
+    Parameters
+    ----------
+    poses
+        Of the rigid bodies.
+    positions : (P, 3) [m]
+        Of points.
+    half_widths : (P,) [m]
+        Of what they stand for.
+    bodies : (P,)
+        Whose they are: 0, 1, 2, ...
+    spacing, origin : [m], (3,) [m]
+        Nodes are at the origin and multiples of the spacing away from it.
+    """
+    found: list[tuple[Array, ...]] = []
+    kinds = int(bodies.max(initial=-1)) + 1
+    for number, pose in enumerate(poses):
+        reach = surfaces.radii[number] + _FELT * spacing
+        near = np.flatnonzero(np.sum((positions - pose.place) ** 2, axis=1) < reach * reach)
+        if not len(near):
+            continue
+        depth, slopes = surfaces.seen(number, pose, positions[near])
+        close = depth < _FELT * spacing
+        near, depth, slopes = near[close], depth[close], slopes[close]
+        if not len(near):
+            continue
+        cells = (positions[near] - origin) / spacing
+        low = np.floor(cells.min(axis=0) - 0.5).astype(np.int64)
+        size = np.floor(cells.max(axis=0) - 0.5).astype(np.int64) - low + 3
+        gaps, normals = np.full((kinds, *size), np.inf), np.zeros((kinds, *size, 3))
+        _spread(
+            cells - low,
+            depth - half_widths[near],
+            slopes,
+            bodies[near].astype(np.int64),
+            gaps,
+            normals,
+            _NEAREST * spacing,
+        )
+        rows = np.argwhere(gaps < open_gap)
+        nodes = rows[:, 1:] + low
+        out, _ = surfaces.seen(number, pose, nodes * spacing + origin)
+        rows, nodes = rows[out <= _REACH * spacing], nodes[out <= _REACH * spacing]
+        own = normals[tuple(rows.T)]
+        length = np.linalg.norm(own, axis=1, keepdims=True)
+        found.append(
+            (nodes, rows[:, 0], np.full(len(rows), number), own / np.maximum(length, 1e-300), gaps[tuple(rows.T)])
+        )
+    if not found:
+        nothing = np.zeros((0, 3))
+        none = np.zeros(0, dtype=np.int64)
+        return NodeContacts(nodes=nothing.astype(np.int64), bodies=none, rigid=none, normals=nothing, gaps=np.zeros(0))
+    nodes, whose, rigid, normals, gaps = (np.concatenate(part) for part in zip(*found))
+    if len(found) > 1:
+        # Of several bodies at a node the nearest one.
+        order = np.lexsort((gaps, *nodes.T, whose))
+        same = np.all(np.diff(np.column_stack([whose, nodes])[order], axis=0) == 0, axis=1)
+        kept = np.sort(order[np.append(True, ~same)])
+        nodes, whose, rigid, normals, gaps = nodes[kept], whose[kept], rigid[kept], normals[kept], gaps[kept]
+    return NodeContacts(nodes=nodes, bodies=whose, rigid=rigid, normals=normals, gaps=gaps)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _spread(
+    cells: Array, rooms: Array, slopes: Array, bodies: Array, gaps: Array, normals: Array, width: float
+) -> None:
+    """Smallest of rooms (P,) around nodes, and the sum of slopes (P, 3) of those points that are about as near."""
+    for turn in range(2):
+        for p in range(len(cells)):
+            i, j, k = int(cells[p, 0] - 0.5), int(cells[p, 1] - 0.5), int(cells[p, 2] - 0.5)
+            x, y, z = cells[p, 0] - i, cells[p, 1] - j, cells[p, 2] - k
+            wx = (0.5 * (1.5 - x) ** 2, 0.75 - (x - 1) ** 2, 0.5 * (x - 0.5) ** 2)
+            wy = (0.5 * (1.5 - y) ** 2, 0.75 - (y - 1) ** 2, 0.5 * (y - 0.5) ** 2)
+            wz = (0.5 * (1.5 - z) ** 2, 0.75 - (z - 1) ** 2, 0.5 * (z - 0.5) ** 2)
+            b, room = bodies[p], rooms[p]
+            for a in range(3):
+                for c in range(3):
+                    for e in range(3):
+                        weight = wx[a] * wy[c] * wz[e]
+                        if weight <= 0.0:
+                            continue
+                        least = gaps[b, i + a, j + c, k + e]
+                        if turn == 0:
+                            if room < least:
+                                gaps[b, i + a, j + c, k + e] = room
+                        elif room < least + 10 * width:
+                            weight *= math.exp((least - room) / width)
+                            for d in range(3):
+                                normals[b, i + a, j + c, k + e, d] += weight * slopes[p, d]
