@@ -172,13 +172,13 @@ def body_bounces(subject: Subject, restitution: float) -> Bounce:
     )
     speed = math.sqrt(2 * GRAVITY * height)
     fall = speed / GRAVITY
-    later = fall + 0.5 * restitution * speed / GRAVITY
+    # Half of the time that it takes to the top, or would with all of its speed.
+    since = 0.5 * (restitution or 1.0) * speed / GRAVITY
     journal = Journal()
-    (state,) = subject.states(problem, EngineAccuracy(spacing=_SPACING), [later], (), journal)
+    (state,) = subject.states(problem, EngineAccuracy(spacing=_SPACING), [fall + since], (), journal)
     risen = float((state.positions - points).mean(axis=0)[2]) + height
-    # Half way up in time it has risen by 3/8 of e v t, t being the whole way's time e v / g.
-    found = math.sqrt(max(risen, 0.0) * GRAVITY * 8 / 3) if restitution else max(risen, 0.0) / height
-    return Bounce(ratio=found / speed, stepping=GRAVITY * journal.largest_substep / speed)
+    found = risen + 0.5 * GRAVITY * since**2 if restitution else max(risen, 0.0)
+    return Bounce(ratio=found / (speed * since), stepping=GRAVITY * journal.largest_substep / speed)
 
 
 def balls_hand_on(subject: Subject) -> Cradle:

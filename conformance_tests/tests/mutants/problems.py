@@ -271,8 +271,9 @@ def _with_body_contact(problem: PointProblem, contact: BodyContact) -> PointProb
         "bodies:separate[slide][0.5]": "deceleration / mu g - 1",
         "bodies:separate[part]": "way / free - 1",
         "bodies:slip": "slip along: way",
+        "material:rigid[slide]": "deceleration / mu g - 1",
     },
-    slow=["bodies:separate[slide][0.5]"],
+    slow=["bodies:separate[slide][0.5]", "material:rigid[slide]"],
 )
 class WeldedBodies(Mutant):
     """Bodies that touch are one, as on a grid with one velocity for all."""
