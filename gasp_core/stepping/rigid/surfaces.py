@@ -13,7 +13,7 @@ from typing import Any, Self
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_fill_holes
 from scipy.spatial import KDTree
 
 from gasp_core.contract import PointCloud, PointProblem, SignedDistanceField
@@ -120,7 +120,7 @@ def rigid_surfaces_of(problem: PointProblem, bodies: RigidBodies) -> RigidSurfac
 
 
 def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
-    """Distances to what cubes along the axes fill that the points `rows` (K,) stand for."""
+    """Distances to what cubes along the axes fill that the points `rows` (K,) stand for, without gaps and hollows."""
     places = points.reference_positions[rows]
     halves = np.cbrt(points.reference_volumes[rows]) / 2
     low, high = (places - halves[:, None]).min(axis=0), (places + halves[:, None]).max(axis=0)
@@ -132,12 +132,22 @@ def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
     near = min(8, len(places))
     _, index = KDTree(places).query(nodes, k=near, p=np.inf)
     nearest = index.reshape(len(nodes), near)
-    beyond = np.abs(nodes[:, None] - places[nearest]) - halves[nearest][..., None]
-    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=2).min(axis=1).reshape(counts)
-    # Inside it is the way to the nearest node outside less that from there to the surface.
-    found: Any = distance_transform_edt(outside <= 0, return_indices=True)
-    away, to = found
-    values = np.where(outside > 0, outside, outside[tuple(to)] - spacing * away)
+    offsets = nodes[:, None] - places[nearest]
+    beyond = np.sign(offsets) * np.maximum(np.abs(offsets) - halves[nearest][..., None], 0.0)
+    ways = np.linalg.norm(beyond, axis=2)
+    best = ways.argmin(axis=1)
+    outside, away = ways[np.arange(len(nodes)), best], beyond[np.arange(len(nodes)), best]
+    # Between cubes that are not quite beside each other there are gaps: what is nearer than half a width is closed, and
+    # taken off again: inside, a distance is that to the surface so far out.
+    closing = float(np.median(halves))
+    closed: Any = binary_fill_holes((outside <= closing * (1 + 1e-9)).reshape(counts))
+    closed = closed.reshape(-1)
+    rim = ~closed & (outside < closing + 2 * spacing)
+    shell = nodes[rim] - (1 - closing / outside[rim])[:, None] * away[rim]
+    depth, _ = KDTree(shell).query(nodes[closed])
+    values = outside.copy()
+    values[closed] = closing - depth
+    values = values.reshape(counts)
     # Where a cube is smaller than a cell of the field it would be lost.
     own = np.rint((places - origin) / spacing).astype(int)
     there = values[tuple(own.T)]
