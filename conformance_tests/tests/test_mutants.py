@@ -29,7 +29,7 @@ HELPERS = [
     import_module(f"gasp_conformance.{module.name}")
     for module in pkgutil.iter_modules(gasp_conformance.__path__)
     if not module.name.startswith(("test_", "__"))
-] + [import_module("gasp_core.stepping.rigid.world")]
+]
 
 
 def _catalogue() -> ModuleType:
