@@ -289,6 +289,28 @@ def spreads_on_a_floor(subject: Subject, material: Material) -> tuple[float, flo
     return float(half - layer.mean()) / spacing, float(half - np.quantile(heights, 0.01)) / spacing
 
 
+def heap_stops(subject: Subject, material: Sand) -> tuple[float, float]:
+    """A block of sand, let go on a floor with friction, twice as high as half its side, looked at after 0.8 s.
+
+    Returns
+    -------
+    Mean speed over that of a fall from its height; and how far its farthest percent has run beyond where it stood, over
+    half its side.
+    """
+    spacing, cells = 0.05, 6
+    block = box_of_points((0.013, 0.021, 0.0), (cells, cells, cells), spacing)
+    problem = PointProblem(
+        points=cloud_of([block], [(0.0, 0.0, 0.0)], spacing),
+        materials=(material,),
+        colliders=(Collider(shape=floor_of(subject), friction=0.6),),
+    )
+    before, after = subject.states(problem, EngineAccuracy(spacing=spacing), [0.75, 0.8])
+    height = half = cells * spacing
+    speed = float(np.linalg.norm(after.positions - before.positions, axis=1).mean()) / 0.05
+    away = np.abs(after.positions[:, :2] - block[:, :2].mean(axis=0)).max(axis=1)
+    return speed / math.sqrt(2 * GRAVITY * height), float(np.quantile(away, 0.99)) / (half / 2) - 1
+
+
 def loose_block_parts(subject: Subject, material: Material, gradient: ArrayLike, time: float) -> tuple[float, float]:
     """A cube thrown with v = G (x - centre), without weight: tells what a material does not resist.
 

@@ -217,6 +217,17 @@ def test_sand_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
     stays_on_a_floor(ledger, subject, Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2))
 
 
+@check("material:sand[heap]", Level.CAPABILITY)
+def test_sand_makes_a_heap(subject: Subject, ledger: Ledger) -> None:
+    """A block of sand that falls apart on a rough floor comes to rest, and has not run farther than sand does."""
+    sand = Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2)
+    speed, runout = material_cases.heap_stops(subject, sand)
+    # Columns are at rest after 3.3 times sqrt(H/g), here 0.6 s, and run 1.24 H/R (Lajeunesse et al. 2005, H/R < 3, in
+    # the round; 10.1063/1.2087459): a quarter more is allowed.
+    ledger.at_most("heap", "speed / that of its fall", speed, 0.02)
+    ledger.at_most("heap", "way of its edge / half its side", runout, 1.25 * 1.24 * 2)
+
+
 @check("material:fluid[floor]", Level.CAPABILITY)
 def test_fluid_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
     """A block of water that spreads on a floor does not sink into it."""

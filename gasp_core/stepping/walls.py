@@ -1,4 +1,4 @@
-"""Where the surface of a collider is at a time, and how fast it moves there."""
+"""Where the surface of a collider is at a time, how fast it moves there, and what it leaves of what comes near."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Collider, Side
+from gasp_core.contract import Collider, ContactCondition, Side
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["wall_distances", "wall_surface"]
+__all__ = ["stopped", "wall_distances", "wall_surface"]
 
 Array = NDArray[Any]
 
@@ -30,3 +30,20 @@ def wall_surface(wall: Collider, positions: Array, time: float) -> tuple[Array, 
     pose = pose_of(wall.motion, time)
     normals = sign * wall.shape.outward_normal(pose.before(positions))
     return normals @ pose.rotation.T, pose.velocities(positions)
+
+
+def stopped(
+    velocities: Array, normals: Array, rooms: Array, step: float, contact: ContactCondition, friction: float
+) -> Array:
+    """Velocities (N, 3) [m/s], relative to a surface, of what comes no nearer to it than there is room (N,) [m].
+
+    What has no room left comes no nearer. Friction takes of what is along the surface as much as was stopped towards
+    it, times its coefficient. What sticks is held by the nodes, whatever arrives here.
+    """
+    along = np.sum(velocities * normals, axis=1)
+    lacking = np.maximum(-np.maximum(rooms, 0.0) / step - along, 0.0)
+    across = velocities - along[:, None] * normals
+    speed = np.linalg.norm(across, axis=1)
+    braked = friction * lacking / np.where(speed > 0, speed, 1.0) if contact is ContactCondition.SEPARATE else 0.0
+    kept = np.maximum(0.0, 1.0 - braked)
+    return (along + lacking)[:, None] * normals + np.broadcast_to(kept, speed.shape)[:, None] * across

@@ -48,9 +48,12 @@ class RollsOnCubes(Mutant):
         return replace(problem, hints=())
 
 
-@mutant("icy-floors", {"material:rigid[roll][cylinder]": "way / closed form - 1"})
+@mutant(
+    "icy-floors",
+    {"material:rigid[roll][cylinder]": "way / closed form - 1", "material:sand[heap]": "speed / that of its fall"},
+)
 class IcyFloors(Mutant):
-    """Rigid bodies slide on walls whatever their friction is."""
+    """Everything slides on walls whatever their friction is."""
 
     def problem(self, problem: PointProblem) -> PointProblem:
         return replace(problem, colliders=tuple(replace(wall, friction=0.0) for wall in problem.colliders))

@@ -152,6 +152,13 @@ class RigidSide:
             held_together=HELD_TOGETHER * spacing,
         )
 
+    def keep_out(
+        self, velocities: Array, positions: Array, half_widths: Array, masses: Array, bodies: Array, step: float
+    ) -> Array:
+        """See `RigidWorld.keep_out`; `bodies` (N,) are counted as in `soft`."""
+        whose = self.soft_bodies[bodies]
+        return self.world.keep_out(velocities, positions, half_widths, masses, whose, step)
+
     def impulse(self, impulse: Impulse, positions: Array) -> tuple[Array, Array] | None:
         """What an impulse does to the points of `soft` at positions (N', 3) [m]: see `impulse_change`.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Self
@@ -25,6 +26,7 @@ from gasp_core.stepping.rigid.side import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of
 from gasp_core.stepping.rigid_motion import Pose
+from gasp_core.stepping.walls import stopped
 
 __all__ = ["RigidWorld"]
 
@@ -110,7 +112,9 @@ class RigidWorld:
             angular_velocity=self.state.angular_velocities(self.bodies)[body],
         )
 
-    def keep_out(self, velocities: Array, positions: Array, half_widths: Array, masses: Array, step: float) -> Array:
+    def keep_out(
+        self, velocities: Array, positions: Array, half_widths: Array, masses: Array, others: Array, step: float
+    ) -> Array:
         """Velocities (N, 3) [m/s] with which points of what flows do not enter rigid bodies, after their step.
 
         As walls keep them out; what the bodies take of the points' momentum acts on them in their next step.
@@ -118,24 +122,26 @@ class RigidWorld:
         Parameters
         ----------
         velocities, positions : (N, 3) [m/s], [m]
+            Positions are those before the step.
         half_widths : (N,) [m]
             Of what points stand for.
         masses : (N,) [kg]
+        others : (N,)
+            Whose points they are, as in `PointCloud.body_ids`.
         """
         velocities = velocities.copy()
-        for body in range(len(self.bodies)):
+        for body, other in itertools.product(range(len(self.bodies)), np.unique(others)):
             pose = self.pose(body)
             reach = self.surfaces.radii[body] + 2 * float(half_widths.max(initial=0.0))
-            near = np.flatnonzero(np.linalg.norm(positions - pose.place, axis=1) < reach)
+            near = np.flatnonzero((np.sum((positions - pose.place) ** 2, axis=1) < reach**2) & (others == other))
             own = pose.velocities(positions[near])
             depth, slopes = self.surfaces.seen(body, pose, positions[near] + step * own)
             normals = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
+            contact = self._problem.contact_between(int(other), int(self.bodies.bodies[body]))
             room = depth - half_widths[near]
-            approach = np.sum((velocities[near] - own) * normals, axis=1)
-            lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
-            change = lacking[:, None] * normals
-            velocities[near] += change
-            taken = -masses[near, None] * change
+            left = own + stopped(velocities[near] - own, normals, room, step, contact.contact, contact.friction)
+            taken = masses[near, None] * (velocities[near] - left)
+            velocities[near] = left
             self._owed[body, :3] += taken.sum(axis=0)
             self._owed[body, 3:] += np.cross(positions[near] - pose.place, taken).sum(axis=0)
         return velocities

@@ -122,7 +122,8 @@ class RigidSteps:
             cloud.put_velocities(nodes, after / units.speed)
             cloud.stage(Stage.MOVE, index)
             if len(flowing):
-                self._keep_out(rows[flowing], places[flowing], half_widths[flowing], masses[flowing])
+                own = (half_widths[flowing], masses[flowing], bodies[flowing])
+                self._keep_out(rows[flowing], places[flowing], *own)
             drifted, held = cloud.end_stages()
             clamped |= held
             if drifted:
@@ -141,12 +142,12 @@ class RigidSteps:
         half_widths, masses, bodies, flows = self._cloud.traits(rows)
         return rows, half_widths * units.spacing, masses * units.mass, bodies, np.flatnonzero(flows)
 
-    def _keep_out(self, rows: Array, cells: Array, half_widths: Array, masses: Array) -> None:
+    def _keep_out(self, rows: Array, cells: Array, half_widths: Array, masses: Array, bodies: Array) -> None:
         """Points that were at `cells` (F, 3) before the step that has just moved them."""
         units, cloud = self._cloud.units, self._cloud
         _, velocities = cloud.moving(rows)
         before = velocities * units.speed
-        after = self._side.world.keep_out(before, units.world(cells), half_widths, masses, self._step)
+        after = self._side.keep_out(before, units.world(cells), half_widths, masses, bodies, self._step)
         changed = np.flatnonzero(np.any(after != before, axis=1))
         if len(changed):
             change = (after[changed] - before[changed]) / units.speed

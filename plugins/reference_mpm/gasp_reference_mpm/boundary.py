@@ -22,7 +22,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.stepping.forcing import drives_at, force_fields_at, position_at_start, prescribed_velocities, walls_of
-from gasp_core.stepping.walls import wall_distances, wall_surface
+from gasp_core.stepping.walls import stopped, wall_distances, wall_surface
 
 __all__ = ["TOUCH", "blown", "collided", "driven", "kept_inside", "kept_out"]
 
@@ -97,14 +97,13 @@ def kept_out(
 
     Nodes on a wall have no velocity into it, but the splines between them and those above reach half a cell behind the
     wall: matter that flows would go on until it is there. A point that is nearer to the wall than half its width
-    (N,) [m] comes no nearer, and one that is farther off not nearer than that. The wall takes what it had towards it.
+    (N,) [m] comes no nearer, and one that is farther off not nearer than that. The wall takes what it had towards it,
+    and by friction of what it has along the wall: it is here that the weight of what flows arrives.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         room = wall_distances(wall, positions, time) - half_widths
         normals, own = wall_surface(wall, positions, time)
-        approach = np.sum((velocities - own) * normals, axis=1)
-        lacking = np.maximum(-np.maximum(room, 0.0) / step - approach, 0.0)
-        velocities = velocities + lacking[:, None] * normals
+        velocities = own + stopped(velocities - own, normals, room, step, wall.contact, wall.friction)
     return velocities
 
 

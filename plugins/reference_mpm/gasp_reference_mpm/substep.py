@@ -92,11 +92,12 @@ def substep(
             step,
         )
         if rigid is not None:
-            advancing[flowing] = rigid.world.keep_out(
+            advancing[flowing] = rigid.keep_out(
                 advancing[flowing],
                 motion.positions[flowing] + origin,
                 0.5 * np.cbrt(matter.volumes[flowing]),
                 matter.masses[flowing],
+                problem.points.body_ids[flowing],
                 step,
             )
     moved = Motion(

@@ -184,8 +184,14 @@ def kept_out(
         # What is a cell away does not arrive within a step.
         if room < 1.0:
             n, own = _surface(forcing, fields, row, place, before)
-            lacking = -ti.max(room, 0.0) / step - (u - own).dot(n)
-            u = u + ti.max(lacking, 0.0) * n
+            along = (u - own).dot(n)
+            lacking = -ti.max(room, 0.0) / step - along
+            if lacking > 0.0:
+                across = u - own - along * n
+                speed = across.norm()
+                if ti.cast(forcing[row + 8], ti.i32) == at.SEPARATE and speed > 0.0:
+                    across = across * ti.max(0.0, 1.0 - forcing[row + 9] * lacking / speed)
+                u = own + (along + lacking) * n + across
         row += at.COLLIDER_WIDTH
     return u
 

@@ -224,8 +224,14 @@ def kept_out(s: Acting, velocity: wp.vec3d, place: wp.vec3d, half_width: wp.floa
         # What is a cell away does not arrive within a step.
         if room < _ONE:
             normal, own = _surface(s, row, place, before)
-            lacking = -wp.max(room, _ZERO) / step - wp.dot(u - own, normal)
-            u = u + wp.max(lacking, _ZERO) * normal
+            along = wp.dot(u - own, normal)
+            lacking = -wp.max(room, _ZERO) / step - along
+            if lacking > _ZERO:
+                across = u - own - along * normal
+                speed = wp.length(across)
+                if int(s.forcing[row + 8]) == at.SEPARATE and speed > _ZERO:
+                    across = across * wp.max(_ZERO, _ONE - s.forcing[row + 9] * lacking / speed)
+                u = own + (along + lacking) * normal + across
     return u
 
 
