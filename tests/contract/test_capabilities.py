@@ -30,6 +30,7 @@ from gasp_core.contract import (
     PointCloud,
     PointProblem,
     Precision,
+    Rigid,
     Sand,
     SphereShape,
     SteadyMotion,
@@ -45,7 +46,7 @@ FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
 BOX = BoxShape(center=(0, 0, 0), half_extents=(1, 1, 1))
 
 EVERYTHING = EngineCapabilities(
-    materials=frozenset({Elastic, Sand, Fluid}),
+    materials=frozenset({Elastic, Sand, Fluid, Rigid}),
     collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape}),
     contact_conditions=frozenset(ContactCondition),
     body_contacts=frozenset(ContactCondition),
@@ -78,7 +79,12 @@ def engine(name="black-box", **less):
 
 
 SOLID = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.2}
-MATERIALS = (Elastic(**SOLID), Sand(**SOLID), Fluid(density=1.0, bulk_modulus=1.0))
+MATERIALS = (
+    Elastic(**SOLID),
+    Sand(**SOLID),
+    Fluid(density=1.0, bulk_modulus=1.0),
+    Rigid(density=1.0, restitution=0.5),
+)
 
 
 def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, columns=None, **rest):
@@ -96,8 +102,10 @@ def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, columns=None, **
 
 
 FULL = problem(
+    material_ids=(0, 1, 3),
+    body_ids=(0, 1, 0),
     tracers=np.zeros((1, 3)),
-    columns={"density": np.array([2.0, math.nan])},
+    columns={"density": np.array([2.0, math.nan, math.nan])},
     colliders=(Collider(shape=FLOOR), Collider(shape=BALL, contact=ContactCondition.SLIP, motion=SteadyMotion())),
     drives=(Pinned(region=BOX), Impulse(region=BOX)),
     force_fields=(Wind(velocity=(1, 0, 0), region=FLOOR),),
@@ -114,7 +122,7 @@ ASKED = {
 }
 
 LESS = {
-    'does not model sand (object "bucket")': {"materials": frozenset({Elastic})},
+    'does not model sand (object "bucket")': {"materials": frozenset({Elastic, Rigid})},
     "knows no sphere as a collider (collider 2)": {"collider_shapes": frozenset({HalfSpace})},
     'knows no contact "slip" (collider 2)': {"contact_conditions": frozenset({ContactCondition.SEPARATE})},
     "knows no colliders that move (collider 2)": {"moving_colliders": False},

@@ -148,11 +148,10 @@ def test_an_engine_that_knows_no_such_region_is_refused_with_the_name_of_the_par
         simulate(scene, progress=False)
 
 
-def test_an_engine_without_rigid_matter_says_so_of_an_object_that_is_rigid_in_all_its_parts():
-    ready("warp-mpm")
+def test_an_engine_without_rigid_matter_says_so_of_an_object_that_is_rigid_in_all_its_parts(tmp_path, run):
     parts = (Part(labels=LABELS, label=(0, 1, 2), rigid=True),)
-    with pytest.raises(UnsupportedSceneError, match=r'warp-mpm does not model rigid \(object "bar"\)'):
-        simulate(hanging("warp-mpm", *parts, material=soft(LOWER)), progress=False)
+    with pytest.raises(UnsupportedSceneError, match=r'ballistic does not model rigid \(object "bar"\)'):
+        run(hanging("ballistic", *parts, material=soft(LOWER)), tmp_path / "a.gasp")
 
 
 def test_labels_that_have_changed_since_a_run_began_end_its_going_on(tmp_path, run):

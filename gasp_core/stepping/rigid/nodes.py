@@ -119,7 +119,7 @@ def nodes_near(
         none = np.zeros(0, dtype=np.int64)
         return NodeContacts(nodes=nothing.astype(np.int64), bodies=none, rigid=none, normals=nothing, gaps=np.zeros(0))
     nodes, whose, rigid, normals, gaps = (np.concatenate(part) for part in zip(*found))
-    if len(found) > 1:
+    if len(found) > 1 and len(whose):
         # Of several bodies at a node the nearest one.
         order = np.lexsort((gaps, *nodes.T, whose))
         same = np.all(np.diff(np.column_stack([whose, nodes])[order], axis=0) == 0, axis=1)

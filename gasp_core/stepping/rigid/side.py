@@ -12,64 +12,17 @@ from numpy.typing import NDArray
 from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState
 from gasp_core.stepping.mpm import HELD_TOGETHER
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
+from gasp_core.stepping.rigid.grid_nodes import GridNodes
 from gasp_core.stepping.session import impulse_change
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 
-__all__ = ["NO_NODES", "GridNodes", "RigidSide"]
+__all__ = ["RigidSide"]
 
 if TYPE_CHECKING:
     from gasp_core.stepping.rigid.nodes import NodeContacts
     from gasp_core.stepping.rigid.world import RigidWorld
 
 Array = NDArray[Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GridNodes:
-    """Nodes of a grid where matter of other bodies is near rigid ones, K of them.
-
-    Parameters
-    ----------
-    rigid : (K,)
-        Rigid bodies, by their place among these.
-    others : (K,)
-        Whose matter it is, as in `PointCloud.body_ids`.
-    places : (K, 3) [m]
-    velocities : (K, 3) [m/s]
-    masses : (K,) [kg]
-    normals : (K, 3)
-        Out of the rigid body.
-    gaps : (K,) [m]
-        From its surface to that of the matter.
-    held_together
-        Gap at which what sticks or slips still does [m].
-    """
-
-    rigid: Array
-    others: Array
-    places: Array
-    velocities: Array
-    masses: Array
-    normals: Array
-    gaps: Array
-    held_together: float
-
-    def __len__(self) -> int:
-        return len(self.rigid)
-
-
-_NONE = np.zeros(0, dtype=np.int64)
-NO_NODES = GridNodes(
-    rigid=_NONE,
-    others=_NONE,
-    places=np.zeros((0, 3)),
-    velocities=np.zeros((0, 3)),
-    masses=np.zeros(0),
-    normals=np.zeros((0, 3)),
-    gaps=np.zeros(0),
-    held_together=0.0,
-)
-"""Of a scene without a grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

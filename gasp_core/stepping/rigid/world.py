@@ -22,7 +22,7 @@ from gasp_core.stepping.forcing import walls_of
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
-from gasp_core.stepping.rigid.side import NO_NODES, GridNodes
+from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of
 from gasp_core.stepping.rigid_motion import Pose

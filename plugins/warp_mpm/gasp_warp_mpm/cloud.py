@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -13,10 +12,9 @@ import warp as wp
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings
 from gasp_mpm_host.cells import COLOURS, CellTables
-from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
+from gasp_mpm_host.cloud import SEEDING_PASSES
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
-from gasp_mpm_host.stages import Stage
 from gasp_mpm_host.tracers import TracerRows, TracerTables
 from numpy.typing import NDArray
 
@@ -28,6 +26,7 @@ from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
 from gasp_warp_mpm.pool import LANES
 from gasp_warp_mpm.separation import SCRATCH_WIDTH
+from gasp_warp_mpm.staging import StagedSteps
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, FIRST_STEP, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
 
 __all__ = ["Cloud"]
@@ -35,7 +34,7 @@ __all__ = ["Cloud"]
 Array = NDArray[Any]
 
 
-class Cloud(SortedCloud):
+class Cloud(StagedSteps):
     """The state of a session; see `gasp_mpm_host.cloud.SortedCloud`.
 
     Parameters
@@ -309,86 +308,6 @@ class Cloud(SortedCloud):
         self._step = capture.graph
         for _ in range(first, end):
             wp.capture_launch(self._step)
-
-    # ---- in stages --------------------------------------------------------------------------------------------------
-
-    def begin_stages(self, index: int, first: int) -> None:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        self._begin_report(index, first)
-
-    def stage(self, stage: Stage, index: int) -> None:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        if self._atomic:
-            self._phases_of(stage)
-            return
-        with self._nothing_but(stage):
-            self._steps_in_threads(index, index + 1)
-
-    @contextlib.contextmanager
-    def _nothing_but(self, stage: Stage) -> Iterator[None]:
-        """Let steps be parts of steps: of everything else there is nothing to do."""
-        tables = self._tables
-        idle = {
-            Stage.SCATTER: {"active_count": 0, "colours": self._no_tiles},
-            Stage.UPDATE: {"apart_count": 0, "place_count": 0},
-            Stage.MOVE: {"count": 0, "tracer_count": 0},
-        }
-        changes = {name: value for each, part in idle.items() if each is not stage for name, value in part.items()}
-        before = {name: getattr(tables, name) for name in changes}
-        try:
-            for name, value in changes.items():
-                setattr(tables, name, value)
-            yield
-        finally:
-            for name, value in before.items():
-                setattr(tables, name, value)
-
-    def _phases_of(self, stage: Stage) -> None:
-        phases, tables = self._kernels.phases, self._tables
-        match stage:
-            case Stage.SCATTER:
-                self._scatter_by_phase()
-            case Stage.UPDATE:
-                self._launch(phases.update, BLOCK_NODES * tables.apart_count, self._acting)
-                if tables.place_count:
-                    self._launch(phases.meet, tables.place_count, self._acting)
-            case Stage.MOVE:
-                self._launch(phases.move, self._count, self._acting)
-                if tables.tracer_count > 0:
-                    self._launch(phases.carry, tables.tracer_count, self._acting)
-                self._launch(phases.finish, 1)
-
-    def end_stages(self) -> tuple[bool, bool]:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        report = self._tables.report.numpy()
-        return bool(report[DRIFTED]), bool(report[CLAMPED])
-
-    def node_rows(self, rows: Array) -> Array:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        return self._tables.grid.numpy()[rows]
-
-    def put_velocities(self, rows: Array, velocities: Array) -> None:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        grid = self._tables.grid.numpy()
-        grid[rows, :3] = velocities
-        self._give_back(self._tables.grid, grid)
-        if self._tables.tracer_count > 0:
-            carrier = self._tables.carrier.numpy()
-            carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
-            self._give_back(self._tables.carrier, carrier)
-
-    def nudge(self, rows: Array, change: Array, step: float) -> None:
-        """See `gasp_mpm_host.stages.StagedCloud`."""
-        cells, points = self._tables.x.numpy(), self._point_rows()
-        points[rows, at.VELOCITY : at.VELOCITY + 3] += change.astype(points.dtype)
-        cells[rows] += step * change
-        self._give_back(self._tables.points, points.reshape(-1))
-        self._give_back(self._tables.x, cells)
-
-    def _give_back(self, table: Any, host: Array) -> None:
-        """Put what was changed into memory, where it is not that memory."""
-        if not self._device.is_cpu:
-            table.assign(host)
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 
