@@ -23,6 +23,7 @@ from gasp_core.contract import (
     PointProblem,
     PointState,
     Precision,
+    Rigid,
     Side,
     SignedDistanceField,
     SphereShape,
@@ -146,10 +147,41 @@ def _meeting() -> PointProblem:
     )
 
 
+def _rigid() -> PointProblem:
+    """A rigid block that falls askew onto a soft one, water beside it and a floor, and another one that is driven."""
+    side, per_axis = 0.2, 4
+    corners = ((0.0, 0.0, 0.01), (0.21, 0.0, 0.01), (0.09, 0.03, 0.22), (-0.22, 0.02, 0.03))
+    blocks = [Kit.block(side, per_axis, corner, seed=seed) for seed, corner in enumerate(corners)]
+    velocities = ((0.6, 0.2, -1.0), (-0.6, 0.0, -1.0), (0.3, -0.4, -2.5), (0.0, 0.0, 0.0))
+    ids = np.repeat(np.arange(4), per_axis**3)
+    return Kit.problem(
+        np.concatenate(blocks),
+        (Kit.materials["elastic"], Kit.materials["fluid"], Rigid(density=700.0), Rigid(density=2000.0)),
+        ids=ids,
+        volumes=np.full(len(ids), (side / per_axis) ** 3),
+        velocity=np.array(velocities)[ids],
+        colliders=(_obstacles()[1],),
+        drives=(
+            Driven(
+                region=SphereShape(center=(-0.12, 0.12, 0.13), radius=0.05),
+                velocity=(0.8, 0.0, 0.0),
+                angular_velocity=(0.0, 0.0, 2.0),
+                center=(-0.12, 0.12, 0.13),
+                end=0.06,
+            ),
+        ),
+        body_contact=BodyContact(friction=0.3),
+        pair_contacts={(0, 3): BodyContact(contact=ContactCondition.SLIP)},
+    )
+
+
+_COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid}
+
+
 @cache
-def _answer_of_meeting() -> PointState:
+def _answer_of_company(name: str) -> PointState:
     session = _reference().open(
-        _meeting(),
+        _COMPANIES[name](),
         device="cpu",
         precision=Precision.FLOAT64,
         seed=0,
@@ -233,8 +265,9 @@ class AgreementTests:
             assert np.abs(found.deformation_gradients - expected.deformation_gradients).max() <= 1e-8
 
     @pytest.mark.parametrize("precision", ["float64", "float32"])
-    def test_500_steps_of_three_bodies_agree_with_the_reference(self, kit, reference, precision):
-        expected, problem = _answer_of_meeting(), _meeting()
+    @pytest.mark.parametrize("company", _COMPANIES)
+    def test_500_steps_of_several_bodies_agree_with_the_reference(self, kit, reference, company, precision):
+        expected, problem = _answer_of_company(company), _COMPANIES[company]()
         with kit.open(problem, precision=precision, spacing=_SPACING / 2, substep=_STEP, threads=2) as session:
             assert session.advance_to(_STEP * _STEPS).status is Status.OK
             found = session.read(kit.everything)
@@ -242,6 +275,20 @@ class AgreementTests:
         # Where each would be had it met nobody.
         free = problem.points.reference_positions + _STEP * _STEPS * problem.points.initial_velocities
         assert np.abs(found.positions - free)[:, :2].max() > 0.05 * _SIDE
+
+    def test_rigid_and_soft_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit):
+        problem, half = _rigid(), _STEP * _STEPS / 2
+        choices = {"precision": "float64", "spacing": _SPACING / 2, "substep": _STEP}
+        with kit.open(problem, **choices) as session:
+            assert session.advance_to(half).status is Status.OK
+            kept = session.checkpoint()
+            assert session.advance_to(2 * half).status is Status.OK
+            whole = session.read(kit.everything)
+        with kit.open(problem, restart=kept, threads=2, **choices) as session:
+            assert session.advance_to(2 * half).status is Status.OK
+            again = session.read(kit.everything)
+        np.testing.assert_array_equal(whole.positions, again.positions)
+        np.testing.assert_array_equal(whole.velocities, again.velocities)
 
     def test_chosen_substeps_agree_with_the_reference(self, kit, reference):
         """The two engines look at the same points and choose the same steps."""
