@@ -31,6 +31,7 @@ __all__ = [
     "Parting",
     "Ride",
     "Stack",
+    "best_rotation",
     "blocks_collide",
     "blocks_pass",
     "blocks_ride",
@@ -236,7 +237,7 @@ def blocks_ride(subject: Subject, contact: ContactCondition, velocity: tuple[flo
     )
     (state,) = subject.states(problem, _accuracy(), [0.1])
     start, ids = problem.points.reference_positions, problem.points.body_ids
-    turned = _rotation(start[ids == 0], state.positions[ids == 0])
+    turned = best_rotation(start[ids == 0], state.positions[ids == 0])
     faces: list[Array] = []
     for body, face in ((0, start[ids == 0, 2].max()), (1, start[ids == 1, 2].min())):
         rows = (ids == body) & (start[:, 2] == face)
@@ -244,7 +245,7 @@ def blocks_ride(subject: Subject, contact: ContactCondition, velocity: tuple[flo
     return (faces[1] - faces[0]) / _SPACING
 
 
-def _rotation(before: Array, after: Array) -> Array:
+def best_rotation(before: Array, after: Array) -> Array:
     """The rotation (3, 3) that brings points before (N, 3) nearest to those after, about their centres (Kabsch)."""
     u, _, vt = np.linalg.svd((after - after.mean(axis=0)).T @ (before - before.mean(axis=0)))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_conformance.body_cases import best_rotation
 from gasp_conformance.clouds import box_of_points, cloud_of, point_volume
 from gasp_conformance.observables import kinetic_energy
 from gasp_conformance.specimens import NO_GRAVITY
@@ -16,17 +17,30 @@ from gasp_conformance.subject import Journal, Subject
 from gasp_conformance.wall_cases import floor_of
 from gasp_core.contract import (
     BodyContact,
+    BoxShape,
     Collider,
     EngineAccuracy,
     Field,
+    Material,
     PointProblem,
     Rigid,
+    Side,
     SignedDistanceField,
     SphereShape,
 )
 from gasp_core.stepping.body_shape import BodyShape
 
-__all__ = ["Bounce", "Cradle", "Roll", "balls_hand_on", "block_spins_on", "body_bounces", "body_rolls"]
+__all__ = [
+    "Bounce",
+    "Cradle",
+    "Lying",
+    "Roll",
+    "balls_hand_on",
+    "block_lies_in",
+    "block_spins_on",
+    "body_bounces",
+    "body_rolls",
+]
 
 Array = NDArray[Any]
 
@@ -92,6 +106,22 @@ class Cradle:
     energy: float
     momentum: float
     substep_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lying:
+    """A rigid cube in matter that flows.
+
+    Parameters
+    ----------
+    sinking
+        How much deeper it is than a liquid of the matter's weight would have it [cells].
+    within
+        How deep in it the deepest point of the matter is [cells].
+    """
+
+    sinking: float
+    within: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,6 +233,47 @@ def balls_hand_on(subject: Subject) -> Cradle:
         energy=kinetic_energy(masses, state.velocities) / kinetic_energy(masses, start),
         momentum=float(np.linalg.norm(masses @ state.velocities - given) / np.linalg.norm(given)),
         substep_count=journal.substep_count,
+    )
+
+
+def block_lies_in(subject: Subject, material: Material, density: float, time: float) -> Lying:
+    """A rigid cube of four cells in a box of matter that flows, as deep in it as the same weight of a liquid is.
+
+    Parameters
+    ----------
+    material
+        What it lies in.
+    density
+        Of the cube [kg/m^3].
+    time
+        When it is looked at [s].
+    """
+    width, depth, side = 8, 5, 4
+    share = density / material.density
+    top = depth * _SPACING
+    low = top - share * side * _SPACING
+    bed = box_of_points((0.0, 0.0, 0.0), (width, width, depth), _SPACING)
+    cube = box_of_points(((width - side) / 2 * _SPACING, (width - side) / 2 * _SPACING, low), (side,) * 3, _SPACING)
+    middle = cube.mean(axis=0)
+    bed = bed[np.abs(bed - middle).max(axis=1) > side * _SPACING / 2]
+    half = width * _SPACING / 2
+    problem = PointProblem(
+        points=cloud_of([bed, cube], [(0.0, 0.0, 0.0)] * 2, _SPACING, range(2)),
+        materials=(material, Rigid(density=density)),
+        colliders=(
+            Collider(shape=BoxShape(center=(half, half, 2.0), half_extents=(half, half, 2.0)), side=Side.INSIDE),
+        ),
+        body_contact=BodyContact(),
+        gravity=(0.0, 0.0, -GRAVITY),
+    )
+    own = problem.points.body_ids == 1
+    *_, state = subject.states(problem, EngineAccuracy(spacing=_SPACING), np.linspace(time / 4, time, 4))
+    place = state.positions[own].mean(axis=0)
+    turn = best_rotation(cube, state.positions[own])
+    inside = np.abs((state.positions[~own] - place) @ turn).max(axis=1)
+    return Lying(
+        sinking=float(middle[2] - place[2]) / _SPACING,
+        within=float(side / 2 - inside.min() / _SPACING),
     )
 
 

@@ -11,7 +11,7 @@ from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.subject import Need, Subject
 from gasp_conformance.wall_cases import stiff_material
-from gasp_core.contract import BodyContact, ContactCondition, Field, Quantity, Rigid
+from gasp_core.contract import BodyContact, ContactCondition, Field, Fluid, Quantity, Rigid, Sand
 
 
 def rides(ledger: Ledger, case: str, ride: body_cases.Ride) -> None:
@@ -177,6 +177,30 @@ def test_rigid_bodies_spin_on(subject: Subject, ledger: Ledger, need: Need) -> N
     # Single precision, which rounds what a step adds, not what a turn has been.
     ledger.at_most(f"{steps} steps", "change of distances / size", change, max(1e-6, rounding(subject, 10)))
     ledger.at_most(f"{steps} steps", "kinetic energy / start - 1", energy, 5e-3)
+
+
+@check("material:rigid[water]", Level.CAPABILITY)
+def test_rigid_bodies_float(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """A cube of half the weight of water is half in it."""
+    need_rigid(subject, need)
+    need(Fluid in subject.descriptor.capabilities.materials, "that it models fluid")
+    water = Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1.0)
+    lying = rigid_cases.block_lies_in(subject, water, 500.0, 0.8)
+    # Where water ends is known to half a cell, and to half of what a point stands for.
+    ledger.at_most("water", "deeper than Archimedes has it [cells]", lying.sinking, 0.75)
+    ledger.at_most("water", "deepest in the cube [cells]", max(lying.within, 0.0), 1.0)
+
+
+@check("material:rigid[sand]", Level.CAPABILITY)
+def test_rigid_bodies_lie_on_sand(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """Sand bears at least what a liquid of its weight does, and stays out of what lies in it."""
+    need_rigid(subject, need)
+    need(Sand in subject.descriptor.capabilities.materials, "that it models sand")
+    sand = Sand(density=1600.0, youngs_modulus=3e5, poissons_ratio=0.2)
+    lying = rigid_cases.block_lies_in(subject, sand, 800.0, 0.6)
+    # Where sand ends is known to half a cell; a liquid would have it no deeper.
+    ledger.at_most("sand", "deeper than in a liquid [cells]", max(lying.sinking, 0.0), 0.5)
+    ledger.at_most("sand", "deepest in the cube [cells]", max(lying.within, 0.0), 1.0)
 
 
 @check("restitution", Level.CAPABILITY)

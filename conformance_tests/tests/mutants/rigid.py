@@ -88,7 +88,14 @@ class Unmoved(Session):
             world._met = unmoved
 
 
-@mutant("rigid-bodies-feel-nothing", {"material:rigid[collide]": "they did not meet|change of momentum"})
+@mutant(
+    "rigid-bodies-feel-nothing",
+    {
+        "material:rigid[collide]": "they did not meet|change of momentum",
+        "material:rigid[sand]": "deeper than in a liquid",
+        "material:rigid[water]": "deeper than Archimedes has it",
+    },
+)
 class RigidBodiesFeelNothing(Mutant):
     """What they meet takes their momentum, and they keep it."""
 
