@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from gasp_core.contract import PointProblem, Rigid
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices, rotation_quaternions
+from gasp_core.stepping.rigid_motion import Pose
 
-__all__ = ["RigidBodies", "RigidState", "moved", "rigid_bodies_of"]
+__all__ = ["RigidBodies", "RigidState", "moved", "poses_of", "rigid_bodies_of"]
 
 Array = NDArray[Any]
 
@@ -172,6 +173,15 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
         arms=np.einsum("nji,nj->ni", axes[owners], arms),
         restitutions=bounces,
     )
+
+
+def poses_of(bodies: RigidBodies, state: RigidState) -> list[Pose]:
+    """From the reference positions to where the bodies are, and how fast."""
+    turns, spins = state.rotations @ bodies.axes.transpose(0, 2, 1), state.angular_velocities(bodies)
+    return [
+        Pose(center=center, place=place, rotation=turn, velocity=velocity, angular_velocity=spin)
+        for center, place, turn, velocity, spin in zip(bodies.centers, state.places, turns, state.velocities, spins)
+    ]
 
 
 def _restitution(problem: PointProblem, body: int) -> float:

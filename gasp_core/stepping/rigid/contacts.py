@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import BodyContact, Collider, ContactCondition, PointProblem
-from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState
-from gasp_core.stepping.rigid.surfaces import RigidSurfaces, distances
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, poses_of
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces
 from gasp_core.stepping.walls import wall_distances, wall_surface
 
 __all__ = ["CONDITIONS", "NO_BODY", "Contacts", "contacts_of"]
@@ -105,9 +105,7 @@ class _Seen:
 
     def __init__(self, bodies: RigidBodies, surfaces: RigidSurfaces, state: RigidState) -> None:
         self.surfaces, self.restitutions = surfaces, bodies.restitutions
-        self._centers, self._places = bodies.centers, state.places
-        # From the reference positions to now.
-        self._turns = state.rotations @ bodies.axes.transpose(0, 2, 1)
+        self._poses = poses_of(bodies, state)
 
     def rows(self, body: int) -> slice:
         """Of a body's samples."""
@@ -115,23 +113,13 @@ class _Seen:
 
     def samples(self, body: int) -> tuple[Array, Array]:
         """Places (S, 3) [m] and normals (S, 3)."""
-        rows = self.rows(body)
-        arms = self.surfaces.samples[rows] - self._centers[body]
-        return arms @ self._turns[body].T + self._places[body], self.surfaces.normals[rows] @ self._turns[body].T
+        rows, pose = self.rows(body), self._poses[body]
+        places = (self.surfaces.samples[rows] - pose.center) @ pose.rotation.T + pose.place
+        return places, self.surfaces.normals[rows] @ pose.rotation.T
 
     def distances(self, body: int, places: Array) -> tuple[Array, Array]:
         """Of places (K, 3) [m] to the surface, (K,) [m], and gradients (K, 3)."""
-        surfaces = self.surfaces
-        before = (places - self._places[body]) @ self._turns[body] + self._centers[body]
-        found = distances(
-            surfaces.values,
-            surfaces.starts[body],
-            surfaces.shapes[body],
-            surfaces.origins[body],
-            surfaces.spacings[body],
-            before,
-        )
-        return found[:, 0], found[:, 1:] @ self._turns[body].T
+        return self.surfaces.seen(body, self._poses[body], places)
 
     def bends(self, body: int, rows: Array) -> Array:
         """Radii of curvature (K,) [m] at samples of a body."""

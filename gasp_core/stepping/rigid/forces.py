@@ -35,11 +35,17 @@ def wind_momenta(problem: PointProblem, bodies: RigidBodies, state: RigidState, 
 
 
 class Holds:
-    """Which bodies drives hold: those of which a point is in a drive's region when it first acts."""
+    """Which bodies drives hold: those of which a point is in a drive's region when it first acts.
+
+    Attributes
+    ----------
+    kept : (D, B)
+        Of every drive and body: 1 where it holds it, 0 where not, -1 where the drive has not acted yet.
+    """
 
     def __init__(self, problem: PointProblem, bodies: RigidBodies) -> None:
         self._problem, self._bodies = problem, bodies
-        self._found: dict[int, list[int]] = {}
+        self.kept: Array = np.full((len(problem.drives), len(bodies)), -1.0)
 
     def at(self, state: RigidState, time: float) -> tuple[list[int], Array]:
         """Those held at `time` [s], and velocities (B, 6) that they have; of several drives the last one counts."""
@@ -48,11 +54,11 @@ class Holds:
         for number, drive in enumerate(self._problem.drives):
             if not drives_at([drive], time):
                 continue
-            if number not in self._found:
+            if (self.kept[number] < 0).any():
                 positions = state.positions(self._bodies)
                 inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= 0
-                self._found[number] = sorted(set(self._bodies.owners[inside].tolist()))
-            for body in self._found[number]:
+                self.kept[number] = np.bincount(self._bodies.owners[inside], minlength=len(self._bodies)) > 0
+            for body in np.flatnonzero(self.kept[number] > 0).tolist():
                 held.add(body)
                 prescribed[body] = 0.0
                 if isinstance(drive, Driven):

@@ -88,9 +88,10 @@ class RigidSide:
         # Only where it is needed: what it imports takes half a second.
         from gasp_core.stepping.rigid.nodes import nodes_near
 
-        poses = [self.world.pose(body) for body in range(len(self.world.bodies))]
         # No point goes further than half a cell in a step; the body may come towards it as far.
-        return nodes_near(self.world.surfaces, poses, positions, half_widths, bodies, spacing, origin, spacing)
+        return nodes_near(
+            self.world.surfaces, self.world.poses(), positions, half_widths, bodies, spacing, origin, spacing
+        )
 
     def met(self, contacts: NodeContacts, velocities: Array, masses: Array, spacing: float, origin: Array) -> GridNodes:
         """The same nodes with what they have: velocities (K, 3) [m/s] and masses (K,) [kg]."""
@@ -156,9 +157,8 @@ class RigidSide:
         places = np.array(self.problem.points.tracer_positions)
         if soft is not None:
             places[self.tracer_owners < 0] = soft
-        for body in range(len(self.world.bodies)):
+        for body, pose in enumerate(self.world.poses()):
             own = self.tracer_owners == body
-            pose = self.world.pose(body)
             places[own] = (places[own] - pose.center) @ pose.rotation.T + pose.place
         return places
 

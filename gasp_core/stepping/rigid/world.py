@@ -19,7 +19,7 @@ from gasp_core.contract import (
 )
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import walls_of
-from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved, poses_of
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
@@ -86,15 +86,16 @@ class RigidWorld:
         world = cls(problem, bodies, rigid_surfaces_of(problem, bodies), state)
         if restart is not None:
             names = {f"rigid_{name}": getattr(state, name).shape for name in RigidState.__slots__}
-            kept = checkpoint_arrays(restart, {**names, "rigid_owed": world._owed.shape}, engine)
+            others = {"rigid_owed": world._owed.shape, "rigid_holds": world._holds.kept.shape}
+            kept = checkpoint_arrays(restart, {**names, **others}, engine)
             world.state = RigidState(**{name: kept[f"rigid_{name}"].copy() for name in RigidState.__slots__})
-            world._owed = kept["rigid_owed"].copy()
+            world._owed, world._holds.kept = kept["rigid_owed"].copy(), kept["rigid_holds"].copy()
         return world
 
     def checkpoint(self) -> dict[str, Array]:
         """All that changes."""
         kept = {f"rigid_{name}": getattr(self.state, name).copy() for name in RigidState.__slots__}
-        return {**kept, "rigid_owed": self._owed.copy()}
+        return {**kept, "rigid_owed": self._owed.copy(), "rigid_holds": self._holds.kept.copy()}
 
     @property
     def fastest(self) -> float:
@@ -102,15 +103,9 @@ class RigidWorld:
         turning = np.linalg.norm(self.state.angular_velocities(self.bodies), axis=1)
         return float((np.linalg.norm(self.state.velocities, axis=1) + turning * self.surfaces.radii).max())
 
-    def pose(self, body: int) -> Pose:
-        """Of a body, from the reference positions to where it is."""
-        return Pose(
-            center=self.bodies.centers[body],
-            place=self.state.places[body],
-            rotation=self.state.rotations[body] @ self.bodies.axes[body].T,
-            velocity=self.state.velocities[body],
-            angular_velocity=self.state.angular_velocities(self.bodies)[body],
-        )
+    def poses(self) -> list[Pose]:
+        """Of the bodies, from the reference positions to where they are."""
+        return poses_of(self.bodies, self.state)
 
     def keep_out(
         self, velocities: Array, positions: Array, half_widths: Array, masses: Array, others: Array, step: float
@@ -129,9 +124,9 @@ class RigidWorld:
         others : (N,)
             Whose points they are, as in `PointCloud.body_ids`.
         """
-        velocities = velocities.copy()
+        velocities, poses = velocities.copy(), self.poses()
         for body, other in itertools.product(range(len(self.bodies)), np.unique(others)):
-            pose = self.pose(body)
+            pose = poses[body]
             reach = self.surfaces.radii[body] + 2 * float(half_widths.max(initial=0.0))
             near = np.flatnonzero((np.sum((positions - pose.place) ** 2, axis=1) < reach**2) & (others == other))
             own = pose.velocities(positions[near])

@@ -17,9 +17,8 @@ def around(bodies, points, whose, open_gap=SPACING):
     problem = problem_of([block((8, 8, 8), SIDE, place) for place in bodies], SIDE)
     rigid = rigid_bodies_of(problem)
     surfaces, world = rigid_surfaces_of(problem, rigid), RigidWorld.of(problem, rigid, None, "tested")
-    poses = [world.pose(number) for number in range(len(rigid))]
     halves = np.full(len(points), SIDE / 2)
-    return nodes_near(surfaces, poses, points, halves, whose, SPACING, ORIGIN, open_gap)
+    return nodes_near(surfaces, world.poses(), points, halves, whose, SPACING, ORIGIN, open_gap)
 
 
 def test_matter_on_top_of_a_body_touches_it_from_above_along_its_edge_too():
