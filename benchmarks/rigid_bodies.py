@@ -131,6 +131,6 @@ if __name__ == "__main__":
     parser.add_argument("--precision", choices=[one.value for one in Precision])
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
     chosen = parser.parse_args()
-    engine = find_subject(chosen.engine, None, None if chosen.precision is None else Precision(chosen.precision))
+    engine = find_subject(chosen.engine, None if chosen.precision is None else Precision(chosen.precision), None)
     for part in chosen.only:
         PARTS[part](engine)
