@@ -128,7 +128,7 @@ def scene_seeds() -> list[Seed]:
     seeds = [plain("all.toml", (Path(__file__).parent / "all_keys.toml").read_bytes())]
     for path in sorted((ROOT / "examples").glob("*.toml")):
         text = path.read_text(encoding="utf-8")
-        for name in ("ball.ply", "bar.ply", "$GASP_DATA/splats/plant.splat"):
+        for name in ("ball.ply", "bar.ply", "castle.ply", "bucket.ply", "shovel.ply", "$GASP_DATA/splats/plant.splat"):
             text = text.replace(name, "toy.ply")
         seeds.append(plain(path.name, text.encode()))
     return seeds
