@@ -140,8 +140,13 @@ class _Cylinder:
         return np.linalg.norm(np.maximum(beyond, 0.0), axis=0) + np.minimum(beyond.max(axis=0), 0.0)
 
     def outward_normal(self, positions: Array) -> Array:
-        """See `gasp_core.contract.Shape`; nobody asks."""
-        raise NotImplementedError
+        """See `gasp_core.contract.Shape`; across the axis, but where an end is nearer."""
+        arms = positions - np.asarray(self.center)
+        around = arms * [1.0, 0.0, 1.0]
+        aside = np.abs(arms[:, 1]) - self.half_length > np.hypot(arms[:, 0], arms[:, 2]) - self.radius
+        around[aside] = [0.0, 1.0, 0.0] * np.sign(arms[aside])
+        length = np.linalg.norm(around, axis=1, keepdims=True)
+        return np.where(length > 0, around / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
 
 
 def _round(shape: str, place: tuple[float, float, float], body: int) -> tuple[Array, BodyShape]:

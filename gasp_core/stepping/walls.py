@@ -44,6 +44,6 @@ def stopped(
     lacking = np.maximum(-np.maximum(rooms, 0.0) / step - along, 0.0)
     across = velocities - along[:, None] * normals
     speed = np.linalg.norm(across, axis=1)
-    braked = friction * lacking / np.where(speed > 0, speed, 1.0) if contact is ContactCondition.SEPARATE else 0.0
-    kept = np.maximum(0.0, 1.0 - braked)
-    return (along + lacking)[:, None] * normals + np.broadcast_to(kept, speed.shape)[:, None] * across
+    rubs = contact is ContactCondition.SEPARATE
+    braked = (friction if rubs else 0.0) * lacking / np.where(speed > 0, speed, 1.0)
+    return (along + lacking)[:, None] * normals + np.maximum(0.0, 1.0 - braked)[:, None] * across

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from gasp_core.contract import PointProblem, Rigid
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices, rotation_quaternions
+from gasp_core.stepping.mass_properties import inertia_of_cubes, shown_spin
 from gasp_core.stepping.rigid_motion import Pose
 
-__all__ = ["RigidBodies", "RigidState", "moved", "poses_of", "rigid_bodies_of"]
+__all__ = ["RigidBodies", "RigidState", "momenta_of", "moved", "poses_of", "rigid_bodies_of"]
 
 Array = NDArray[Any]
-
-_ALONE = 1e-9
-"""Of the largest moment that points show about their centre: what turns less is not seen to turn at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +110,7 @@ class RigidState:
     def at_rest(cls, bodies: RigidBodies, velocities: Array) -> Self:
         """The rigid motion with the momenta that points (N, 3) [m/s] have at their reference positions.
 
-        The spin of a cube about itself is not seen in the velocity of its point: what the points show is kept.
+        See `gasp_core.stepping.mass_properties.shown_spin`.
         """
         count = len(bodies)
         mean, spins = np.zeros((count, 3)), np.zeros((count, 3))
@@ -121,11 +119,7 @@ class RigidState:
             own = bodies.owners == body
             weights = bodies.point_masses[own]
             mean[body] = weights @ velocities[own] / bodies.masses[body]
-            arms = bodies.arms[own] @ bodies.axes[body].T
-            turning = weights @ np.cross(arms, velocities[own] - mean[body])
-            squares = np.einsum("n,ni,nj->ij", weights, arms, arms)
-            shown = np.trace(squares) * np.eye(3) - squares
-            spin = np.linalg.lstsq(shown, turning, rcond=_ALONE)[0]
+            spin = shown_spin(weights, bodies.arms[own] @ bodies.axes[body].T, velocities[own] - mean[body])
             spins[body] = bodies.axes[body] @ (bodies.moments[body] * (spin @ bodies.axes[body]))
         return cls(places=bodies.centers.copy(), quaternions=quaternions, velocities=mean, spins=spins)
 
@@ -149,7 +143,6 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
     rows = np.flatnonzero(is_rigid)
     owners = np.searchsorted(numbers, points.body_ids[rows])
     weights, places = problem.masses[rows], points.reference_positions[rows]
-    sides = np.cbrt(points.reference_volumes[rows])
     masses = np.bincount(owners, weights)
     centers = np.stack([np.bincount(owners, weights * places[:, axis]) for axis in range(3)], axis=1) / masses[:, None]
     arms = places - centers[owners]
@@ -157,9 +150,8 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
     axes, moments = np.empty((len(numbers), 3, 3)), np.empty((len(numbers), 3))
     for body in range(len(numbers)):
         own = owners == body
-        squares = np.einsum("n,ni,nj->ij", weights[own], arms[own], arms[own])
-        cubes = weights[own] @ sides[own] ** 2 / 6
-        moments[body], axes[body] = np.linalg.eigh((np.trace(squares) + cubes) * np.eye(3) - squares)
+        inertia = inertia_of_cubes(weights[own], arms[own], points.reference_volumes[rows[own]])
+        moments[body], axes[body] = np.linalg.eigh(inertia)
         axes[body, :, 2] = np.cross(axes[body, :, 0], axes[body, :, 1])
     return RigidBodies(
         bodies=numbers,
@@ -173,6 +165,13 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
         arms=np.einsum("nji,nj->ni", axes[owners], arms),
         restitutions=bounces,
     )
+
+
+def momenta_of(bodies: RigidBodies, state: RigidState, given: Array) -> Array:
+    """Linear and angular momenta (B, 6), about the centres, of what is given to the points, (N, 3) [kg m/s]."""
+    turning = np.cross(state.positions(bodies) - state.places[bodies.owners], given)
+    both = np.concatenate([given, turning], axis=1)
+    return np.stack([np.bincount(bodies.owners, column, len(bodies)) for column in both.T], axis=1)
 
 
 def poses_of(bodies: RigidBodies, state: RigidState) -> list[Pose]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import BodyContact, Collider, ContactCondition, PointProblem
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, poses_of
-from gasp_core.stepping.rigid.surfaces import RigidSurfaces
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces, onto, unit
 from gasp_core.stepping.walls import wall_distances, wall_surface
 
 __all__ = ["CONDITIONS", "NO_BODY", "Contacts", "contacts_of"]
@@ -127,8 +127,7 @@ class _Seen:
 
     def onto(self, body: int, places: Array) -> Array:
         """Places (K, 3) [m] near a surface, brought onto it."""
-        depth, slopes = self.distances(body, places)
-        return places - (depth / np.maximum(np.sum(slopes**2, axis=1), 0.1))[:, None] * slopes
+        return onto(places, *self.distances(body, places))
 
     def ways(self, body: int, rows: Array, across: Array) -> tuple[Array, Array]:
         """How far (K,) [m] to where the surface faces a direction, per unit of what is across its normal (K, 3), and
@@ -180,7 +179,7 @@ def _with_body(seen: _Seen, body: int, other: int, contact: BodyContact, way: fl
         return _none()
     places, normals, reaches = places[near], normals[near], reaches[near]
     flat = seen.bends(body, near) > _FLAT * reaches
-    before = _across(-_unit(slopes[near]), normals)
+    before = _across(-unit(slopes[near]), normals)
     ways, within = seen.ways(body, near, before)
     # On a face it is everywhere as far: it is asked at the sample.
     ways[flat] = 0.0
@@ -195,7 +194,7 @@ def _with_body(seen: _Seen, body: int, other: int, contact: BodyContact, way: fl
         left = _facing(seen, body, other, foremost)
         foremost = seen.onto(body, foremost + np.minimum(ways, seen.ways(body, near, left)[0])[:, None] * left)
     gaps, slopes = seen.distances(other, foremost)
-    outward = _unit(slopes)
+    outward = unit(slopes)
     # A flat face says better than an edge that slides over it where the two are going.
     outward[flat] = -normals[flat]
     # What is beyond the reach of a sample is within that of another one.
@@ -209,16 +208,12 @@ def _facing(seen: _Seen, body: int, other: int, places: Array) -> Array:
     """What (K, 3) of the other surface's normals is across those of a body at places (K, 3) [m] on it."""
     _, one = seen.distances(body, places)
     _, two = seen.distances(other, places)
-    return _across(-_unit(two), _unit(one))
+    return _across(-unit(two), unit(one))
 
 
 def _across(vectors: Array, normals: Array) -> Array:
     """What of vectors (K, 3) is across unit normals (K, 3)."""
     return vectors - np.sum(vectors * normals, axis=1, keepdims=True) * normals
-
-
-def _unit(vectors: Array) -> Array:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
 def _made(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Driven, PointProblem, Wind
 from gasp_core.stepping.forcing import drives_at, force_fields_at, pose_of_drive, position_at_start
-from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of
 
 __all__ = ["Holds", "wind_momenta"]
 
@@ -27,10 +27,7 @@ def wind_momenta(problem: PointProblem, bodies: RigidBodies, state: RigidState, 
         if wind.region is not None:
             share = np.where(wind.region.signed_distance(positions) <= 0, share, 0.0)
         taken = share[:, None] * (np.asarray(wind.velocity) - speeds)
-        turning = np.cross(positions - state.places[bodies.owners], taken)
-        for axis in range(3):
-            given[:, axis] += np.bincount(bodies.owners, taken[:, axis], len(bodies))
-            given[:, 3 + axis] += np.bincount(bodies.owners, turning[:, axis], len(bodies))
+        given += momenta_of(bodies, state, taken)
     return given
 
 

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.stepping.rigid.surfaces import RigidSurfaces
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces, unit
 from gasp_core.stepping.rigid_motion import Pose
 
 __all__ = ["NodeContacts", "nodes_near"]
@@ -109,11 +109,8 @@ def nodes_near(
         nodes = rows[:, 1:] + low
         out, _ = surfaces.seen(number, pose, nodes * spacing + origin)
         rows, nodes = rows[out <= _REACH * spacing], nodes[out <= _REACH * spacing]
-        own = normals[tuple(rows.T)]
-        length = np.linalg.norm(own, axis=1, keepdims=True)
-        found.append(
-            (nodes, rows[:, 0], np.full(len(rows), number), own / np.maximum(length, 1e-300), gaps[tuple(rows.T)])
-        )
+        at = tuple(rows.T)
+        found.append((nodes, rows[:, 0], np.full(len(rows), number), unit(normals[at]), gaps[at]))
     if not found:
         nothing = np.zeros((0, 3))
         none = np.zeros(0, dtype=np.int64)

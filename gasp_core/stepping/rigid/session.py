@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, Field, Impulse, PointState, Status
+from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError
 from gasp_core.stepping.time_step import MotionLimits, substep_size, substeps_to, wall_speed
 
-__all__ = ["RigidSession", "rigid_limits"]
+__all__ = ["RigidSession"]
 
 Array = NDArray[Any]
 
@@ -35,18 +36,21 @@ class RigidSession(SteppedSession[RigidSide]):
         Whose session it is, for messages.
     accuracy
         The common knobs.
-    time
-        Where the bodies are now [s].
+    restart
+        What the bodies go on from; None: they begin.
     """
 
-    def __init__(self, side: RigidSide, *, engine: str, accuracy: EngineAccuracy, time: float) -> None:
+    def __init__(
+        self, side: RigidSide, *, engine: str, accuracy: EngineAccuracy, restart: Mapping[str, Array] | None
+    ) -> None:
+        time = 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, engine)["time"])
         super().__init__(side.problem, side, engine=engine, accuracy=accuracy, time=time)
         self._spacing = accuracy.spacing_for(side.problem.points.size)
 
     def step_toward(self, landing: float, end: float) -> None:
         """A few equal steps towards `landing`."""
         side = self.held()
-        limits = rigid_limits(side, self._time)
+        limits = _limits(side, self._time)
         allowed = substep_size(limits, self._spacing, self._accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
@@ -82,7 +86,7 @@ class RigidSession(SteppedSession[RigidSide]):
         return {"time": np.array(self._time), **self.held().world.checkpoint()}
 
 
-def rigid_limits(side: RigidSide, time: float) -> MotionLimits:
+def _limits(side: RigidSide, time: float) -> MotionLimits:
     """What bounds a step of rigid bodies alone."""
     places = side.world.state.places
     radius = float(side.world.surfaces.radii.max())

@@ -21,7 +21,7 @@ from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.rigid.bodies import RigidBodies
 from gasp_core.stepping.rigid_motion import Pose
 
-__all__ = ["RigidSurfaces", "cubes_field", "distance_at", "distances", "rigid_surfaces_of"]
+__all__ = ["RigidSurfaces", "cubes_field", "distances", "onto", "rigid_surfaces_of", "unit"]
 
 Array = NDArray[Any]
 
@@ -109,6 +109,16 @@ class RigidSurfaces:
         return found[:, 0], found[:, 1:] @ pose.rotation.T
 
 
+def unit(vectors: Array) -> Array:
+    """Vectors (K, 3), each of length one; zero stays zero."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def onto(places: Array, depths: Array, slopes: Array) -> Array:
+    """Places (K, 3) [m] brought onto a surface by a step of Newton's, of distances (K,) [m] and gradients (K, 3)."""
+    return places - (depths / np.maximum(np.sum(slopes**2, axis=1), 0.01))[:, None] * slopes
+
+
 def rigid_surfaces_of(problem: PointProblem, bodies: RigidBodies) -> RigidSurfaces:
     """Of the rigid bodies of a problem: the shapes that it knows, and otherwise the cubes of the points."""
     known = body_shapes(problem)
@@ -163,8 +173,7 @@ def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
     flat, shape, origin = values.reshape(-1), np.array(values.shape), np.asarray(field.origin, dtype=np.float64)
     for _ in range(3):
         found = distances(flat, 0, shape, origin, field.spacing, places)
-        slopes = np.maximum(np.linalg.norm(found[:, 1:], axis=1), 0.1)
-        places = places - (found[:, 0] / slopes**2)[:, None] * found[:, 1:]
+        places = onto(places, found[:, 0], found[:, 1:])
     found = distances(flat, 0, shape, origin, field.spacing, places)
     places = places[np.abs(found[:, 0]) < 0.1 * field.spacing]
     # As many as were asked for, whatever the body's shape: the surface has an area of about a spacing squared a node.
@@ -174,7 +183,7 @@ def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
     extremes = np.concatenate([places.argmin(axis=0), places.argmax(axis=0)])
     places = places[np.unique(np.concatenate([first, extremes]))]
     found = distances(flat, 0, shape, origin, field.spacing, places)
-    normals = found[:, 1:] / np.maximum(np.linalg.norm(found[:, 1:], axis=1, keepdims=True), 1e-300)
+    normals = unit(found[:, 1:])
     around = min(_NEIGHBOURS, len(places))
     ways, index = (part.reshape(len(places), around) for part in KDTree(places).query(places, k=around))
     turns = np.linalg.norm(normals[index] - normals[:, None], axis=2)
@@ -183,7 +192,7 @@ def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
 
 
 @numba.njit(inline="always", error_model="numpy")
-def distance_at(
+def _distance_at(
     values: Array, start: int, shape: Array, origin: Array, spacing: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
     """Distance [m] of a place to a surface, negative inside, and its gradient (3 numbers).
@@ -230,5 +239,5 @@ def distances(values: Array, start: int, shape: Array, origin: Array, spacing: f
     found = np.empty((len(places), 4))
     for row in range(len(places)):
         x, y, z = places[row, 0], places[row, 1], places[row, 2]
-        found[row] = distance_at(values, start, shape, origin, spacing, x, y, z)
+        found[row] = _distance_at(values, start, shape, origin, spacing, x, y, z)
     return found

@@ -19,12 +19,12 @@ from gasp_core.contract import (
 )
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import walls_of
-from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, moved, poses_of
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of, moved, poses_of
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
-from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of
+from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of, unit
 from gasp_core.stepping.rigid_motion import Pose
 from gasp_core.stepping.walls import stopped
 
@@ -32,6 +32,7 @@ __all__ = ["RigidWorld"]
 
 Array = NDArray[Any]
 
+_PARTING = CONDITIONS[ContactCondition.SEPARATE]
 _ROUNDS = 8
 """Of contact with nodes, whose friction depends on what comes out."""
 _SWEEPS = 200
@@ -131,10 +132,9 @@ class RigidWorld:
             near = np.flatnonzero((np.sum((positions - pose.place) ** 2, axis=1) < reach**2) & (others == other))
             own = pose.velocities(positions[near])
             depth, slopes = self.surfaces.seen(body, pose, positions[near] + step * own)
-            normals = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
             contact = self._problem.contact_between(int(other), int(self.bodies.bodies[body]))
             room = depth - half_widths[near]
-            left = own + stopped(velocities[near] - own, normals, room, step, contact.contact, contact.friction)
+            left = own + stopped(velocities[near] - own, unit(slopes), room, step, contact.contact, contact.friction)
             taken = masses[near, None] * (velocities[near] - left)
             velocities[near] = left
             self._owed[body, :3] += taken.sum(axis=0)
@@ -144,17 +144,9 @@ class RigidWorld:
     def push(self, struck: Array, change: Array) -> None:
         """Let points, (N,) of bool of the cloud, take `change` (3,) [m/s] of an impulse."""
         weights = np.where(struck[self.bodies.rows], self.bodies.point_masses, 0.0)
-        positions, owners = self.state.positions(self.bodies), self.bodies.owners
-        arms = positions - self.state.places[owners]
-        turning = np.cross(weights[:, None] * arms, change)
-        count = len(self.bodies)
-        spins = np.stack([np.bincount(owners, turning[:, axis], count) for axis in range(3)], axis=1)
-        given = np.bincount(owners, weights, count) / self.bodies.masses
-        self.state = replace(
-            self.state,
-            velocities=self.state.velocities + given[:, None] * change,
-            spins=self.state.spins + spins,
-        )
+        given = momenta_of(self.bodies, self.state, weights[:, None] * change)
+        velocities = self.state.velocities + given[:, :3] / self.bodies.masses[:, None]
+        self.state = replace(self.state, velocities=velocities, spins=self.state.spins + given[:, 3:])
 
     def step(self, time: float, step: float, nodes: GridNodes = NO_NODES) -> Array:
         """Go `step` [s] on from `time` [s], and give the velocities (K, 3) [m/s] that nodes have after contact."""
@@ -202,8 +194,8 @@ class RigidWorld:
         np.maximum.at(over, owners, positions - np.asarray(domain.upper))
         # Of a body that is larger than the domain the lower side is within.
         back = np.where(short > 0, short, -over)
-        stopped = np.where(back * state.velocities < 0, 0.0, state.velocities)
-        return replace(state, places=state.places + back, velocities=stopped)
+        velocities = np.where(back * state.velocities < 0, 0.0, state.velocities)
+        return replace(state, places=state.places + back, velocities=velocities)
 
     def _met(
         self,
@@ -223,8 +215,7 @@ class RigidWorld:
         conditions = self._conditions[nodes.others, nodes.rigid]
         frictions = self._frictions[nodes.others, nodes.rigid]
         apart = np.where(nodes.gaps <= nodes.held_together, 0.0, np.inf)
-        parting = conditions == CONDITIONS[ContactCondition.SEPARATE]
-        rooms = np.where(parting, np.maximum(nodes.gaps, 0.0) / step, apart)
+        rooms = np.where(conditions == _PARTING, np.maximum(nodes.gaps, 0.0) / step, apart)
         gates = np.zeros((len(nodes), 2))
         places = (nodes.rigid, nodes.places)
         found = velocities
@@ -249,7 +240,7 @@ class RigidWorld:
     def _pushed_apart(self, contacts: Contacts, inertias: Array, held: Sequence[int], step: float) -> Array:
         """By how much (B, 3) [m] bodies are moved that overlap: no velocity comes of it."""
         way = np.zeros((len(self.bodies), 3))
-        deep = np.flatnonzero((contacts.gaps < -contacts.slacks) & (contacts.conditions == 2))
+        deep = np.flatnonzero((contacts.gaps < -contacts.slacks) & (contacts.conditions == _PARTING))
         if not len(deep):
             return way
         inverses = np.linalg.inv(inertias)
@@ -309,14 +300,14 @@ def _directions(
     aside = np.eye(3)[np.abs(normals).argmin(axis=1)] if len(normals) else np.zeros((0, 3))
     slow = np.linalg.norm(across, axis=1) < 1e-9
     across[slow] = np.cross(normals[slow], aside[slow])
-    across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    across = unit(across)
     frames = np.stack([normals, across, np.cross(normals, across)], axis=1)
     offsets = np.einsum("cij,cj->ci", frames, contacts.velocities)
     approach = -np.sum(closing * normals, axis=1)
     room = np.maximum(contacts.gaps, 0.0) / step
     bouncing = (approach > resting) & (approach >= room) & (contacts.restitutions > 0)
     targets = np.where(bouncing, contacts.restitutions * approach, -room)
-    return frames, offsets, np.where(contacts.conditions == CONDITIONS[ContactCondition.SEPARATE], targets, 0.0)
+    return frames, offsets, np.where(contacts.conditions == _PARTING, targets, 0.0)
 
 
 def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:

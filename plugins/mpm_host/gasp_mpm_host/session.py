@@ -367,6 +367,5 @@ def opened(
     if rigid is None:
         return MpmSession(problem, engine=engine, accuracy=accuracy, build=build, restart=restart)
     if rigid.soft is None:
-        time = 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, engine)["time"])
-        return RigidSession(rigid, engine=engine, accuracy=accuracy, time=time)
+        return RigidSession(rigid, engine=engine, accuracy=accuracy, restart=restart)
     return MpmSession(rigid.soft, engine=engine, accuracy=accuracy, build=build, restart=restart, rigid=rigid)

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 from gasp_core.contract import SignedDistanceField
 from gasp_core.stepping.convex_pieces import convex_pieces
 from gasp_core.stepping.embedding import CORNERS
+from gasp_core.stepping.mass_properties import inertia_of_cubes, shown_spin
 from gasp_core.stepping.voxel_cage import VoxelGrid
 from gasp_mujoco_flex.body_mass import Matter
 
@@ -82,15 +83,9 @@ def rigid_body(matter: Matter, grid: VoxelGrid, margin: float, shape: SignedDist
     """
     centre = matter.centre
     arms = matter.positions - centre
-    # Each point is a cube, so that even one alone has an inertia.
-    cubes = matter.masses @ np.cbrt(matter.volumes) ** 2 / 6
-    squares = np.einsum("n,ni,nj->ij", matter.masses, arms, arms)
-    inertia = (np.trace(squares) + cubes) * np.eye(3) - squares
+    inertia = inertia_of_cubes(matter.masses, arms, matter.volumes)
     velocity = matter.masses @ matter.velocities / matter.mass
-    turning = np.einsum("n,ni->i", matter.masses, np.cross(arms, matter.velocities - velocity))
-    # The spin of a cube about itself is not seen in its point's velocity: what the points show is kept.
-    shown = np.trace(squares) * np.eye(3) - squares
-    spin = np.linalg.lstsq(shown, turning, rcond=1e-9)[0]
+    spin = shown_spin(matter.masses, arms, matter.velocities - velocity)
     if shape is None:
         hulls, boxes = _shapes(matter, grid, margin, centre)
     else:

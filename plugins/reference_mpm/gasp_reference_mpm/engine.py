@@ -53,7 +53,7 @@ class ReferenceMpm:
         rigid = RigidSide.of(problem, restart, "reference-mpm")
         if rigid is not None:
             if rigid.soft is None:
-                return RigidSession(rigid, engine="reference-mpm", accuracy=accuracy, time=_time_of(restart))
+                return RigidSession(rigid, engine="reference-mpm", accuracy=accuracy, restart=restart)
             problem = rigid.soft
         excess = grid_excess(problem.points.reference_positions, spacing)
         if excess:
@@ -76,10 +76,6 @@ class ReferenceMpm:
                 tracers=np.zeros((0, 3)) if tracers is None else tracers - origin,
             )
         return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time, rigid)
-
-
-def _time_of(restart: Mapping[str, Array] | None) -> float:
-    return 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, "reference-mpm")["time"])
 
 
 def _restored(checkpoint: Mapping[str, Array], points: PointCloud) -> tuple[float, Motion]:

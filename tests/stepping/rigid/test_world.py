@@ -39,8 +39,8 @@ HERE = BoxShape(center=(0.0, 0.0, 0.5), half_extents=(0.2, 0.2, 0.2))
 
 def session_of(problem, restart=None, **accuracy):
     side = RigidSide.of(problem, restart, "tested")
-    time = 0.0 if restart is None else float(restart["time"])
-    return RigidSession(side, engine="tested", accuracy=EngineAccuracy(spacing=2 * SIDE, **accuracy), time=time)
+    accuracy = EngineAccuracy(spacing=2 * SIDE, **accuracy)
+    return RigidSession(side, engine="tested", accuracy=accuracy, restart=restart)
 
 
 def read(session):
