@@ -53,7 +53,11 @@ class TaichiMpm:
         )
         runtime.acquire(device)
         try:
-            return opened(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
+            session = opened(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
         except BaseException:
             runtime.release()
             raise
+        if isinstance(session, RigidSession):
+            # It has no cloud, which would count it out when it is closed, and nothing in Taichi.
+            runtime.release()
+        return session

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,7 +15,7 @@ from gasp_taichi_mpm import runtime
 from gasp_taichi_mpm.cloud import Cloud
 from gasp_taichi_mpm.engine import TaichiMpm
 
-from gasp_core.contract import EngineAccuracy, Field
+from gasp_core.contract import EngineAccuracy, Field, Rigid
 from gasp_core.errors import EngineEnvironmentError, SceneError
 
 
@@ -39,6 +40,17 @@ def test_a_gpu_that_is_not_there_is_said_so(kit):
         TaichiMpm().open(falling(kit), device="cuda")
     with pytest.raises(SceneError, match="no device"):
         TaichiMpm().open(falling(kit), device="tpu")
+
+
+def test_rigid_bodies_alone_hold_no_device(kit):
+    """They have no cloud in Taichi, so nothing would count their session out."""
+    if runtime.taichi.lang.misc.is_arch_supported(runtime.taichi.cuda):
+        pytest.skip("this machine has a CUDA GPU")
+    rigid = replace(falling(kit), materials=(Rigid(density=1000.0),))
+    with kit.open(rigid, spacing=0.1) as session:
+        session.advance_to(0.01)
+        with pytest.raises(EngineEnvironmentError, match="cuda"):
+            TaichiMpm().open(falling(kit), device="cuda")
 
 
 @pytest.mark.parametrize("material", ["elastic", pytest.param("rubber", marks=pytest.mark.thorough)])
