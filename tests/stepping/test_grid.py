@@ -3,14 +3,24 @@
 import numpy as np
 import pytest
 
-from gasp_core.contract import Collider, ContactCondition, Elastic, HalfSpace, PointCloud, PointProblem
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    ContactCondition,
+    Elastic,
+    Fluid,
+    HalfSpace,
+    PointCloud,
+    PointProblem,
+    Side,
+)
 from gasp_core.errors import SceneError
 from gasp_core.stepping.grid import GridAnchor, grid_node
 
 SPACING = 0.1
 
 
-def problem_with(*colliders, anchor=None):
+def problem_with(*colliders, anchor=None, material=None):
     positions = np.array([[0.0, 0.0, 1.0], [0.4, 0.2, 1.6]])
     return PointProblem(
         points=PointCloud(
@@ -20,7 +30,7 @@ def problem_with(*colliders, anchor=None):
             material_ids=np.zeros(2),
             body_ids=np.zeros(2),
         ),
-        materials=(Elastic(density=1, youngs_modulus=1, poissons_ratio=0.3),),
+        materials=(material or Elastic(density=1, youngs_modulus=1, poissons_ratio=0.3),),
         colliders=colliders,
         hints=() if anchor is None else (GridAnchor(place=anchor),),
     )
@@ -44,6 +54,18 @@ def test_half_a_cell_off_a_plane_that_matter_may_leave():
     second = plane((-1, 0, 0), ContactCondition.STICK)
     slanted = plane((0, 1, 1), ContactCondition.STICK)
     np.testing.assert_allclose(grid_node(problem_with(first, second, slanted), SPACING), [0.08, 0.1, 1.3])
+
+
+def test_on_a_plane_that_a_fluid_fills_up_to():
+    water = problem_with(plane((0, 0, 1), ContactCondition.SEPARATE), material=Fluid(density=1, bulk_modulus=1))
+    np.testing.assert_allclose(grid_node(water, SPACING), [0.2, 0.1, 0.03])
+
+
+def test_a_box_around_the_scene_is_planes_and_one_within_it_is_none():
+    box = BoxShape(center=(0.2, 0.2, 1.2), half_extents=(0.33, 0.33, 0.64))
+    around, within = (Collider(shape=box, side=side) for side in (Side.INSIDE, Side.OUTSIDE))
+    np.testing.assert_allclose(grid_node(problem_with(around), SPACING), [-0.08, -0.08, 0.61])
+    np.testing.assert_allclose(grid_node(problem_with(within), SPACING), [0.2, 0.1, 1.3])
 
 
 def test_from_the_anchor_where_there_is_one_but_for_planes():

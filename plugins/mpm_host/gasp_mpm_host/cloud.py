@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import PointProblem
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
+from gasp_core.stepping.flow import is_flowing
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
@@ -63,6 +64,7 @@ class SortedCloud(ABC):
         self._host_real = np.float64 if double else np.float32
         self._kinds = frozenset(materials[index].kind for index in used)
         self._averaged = any(averaged_lame(materials[index]) > 0 for index in used)
+        self._flowing = any(is_flowing(materials[index]) for index in used)
         self._fluids = np.array([material.kind == "fluid" for material in materials])
         self._traced = 0 if points.tracer_positions is None else len(points.tracer_positions)
         self._capacity = 0

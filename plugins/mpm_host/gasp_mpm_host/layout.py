@@ -73,7 +73,13 @@ RELAXATION = 11
 LEAST_STRETCH = 12
 GREATEST_STRETCH = 13
 """Of snow's box."""
-MATERIAL_WIDTH = 14
+SUBGRID_DECAY = 14
+"""Of matter that flows, per unit of time; nought where nothing of the sub-grid velocities is kept."""
+CROWDING_DECAY = 15
+"""Of a fluid, per unit of time."""
+FULLNESS = 16
+"""What mass at a node is, of that of a cell full of it, in units of a point's."""
+MATERIAL_WIDTH = 17
 
 KINDS = {
     "elastic": 0,

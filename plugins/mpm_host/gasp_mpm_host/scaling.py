@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Fluid, Foam, Material, Metal, Plasticine, PointProblem, Sand, Snow
+from gasp_core.stepping.flow import crowding_decay, subgrid_decay
 from gasp_core.stepping.grid import grid_node
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.time_step import rest_bound
@@ -71,13 +72,16 @@ def material_table(problem: PointProblem, units: Units) -> Array:
     """Scaled parameters of every material, flat float64 rows of `layout.MATERIAL_WIDTH`."""
     table = np.zeros((len(problem.materials), at.MATERIAL_WIDTH))
     density = problem.materials[0].density
-    for row, material in zip(table, problem.materials):
+    for index, (row, material) in enumerate(zip(table, problem.materials)):
         if material.kind not in at.KINDS:
             continue  # an unused row: what is used has been checked against the capabilities
         scale = 4 * units.time**2 / (material.density * units.spacing**2)
         row[at.KIND] = at.KINDS[material.kind]
         row[at.INVERSE_BOUND] = rest_bound(material, units.spacing) ** -2
         row[at.LIGHTNESS] = density / material.density
+        row[at.SUBGRID_DECAY] = units.time * subgrid_decay(material, units.spacing)
+        row[at.CROWDING_DECAY] = units.time * crowding_decay(problem, index, units.spacing)
+        row[at.FULLNESS] = units.mass / (material.density * units.spacing**3)
         if isinstance(material, Fluid):
             row[at.LAME] = scale * material.bulk_modulus
             row[at.VISCOSITY] = scale * material.viscosity / units.time

@@ -59,7 +59,7 @@ class ReferenceMpm:
         if excess:
             raise SceneError(excess)
         origin = grid_origin(problem, spacing)
-        matter = matter_of(problem)
+        matter = matter_of(problem, spacing)
         time, motion = (0.0, None) if restart is None else _restored(restart, problem.points)
         if motion is None:
             positions = problem.points.reference_positions - origin

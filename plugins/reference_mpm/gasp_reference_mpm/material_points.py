@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
+from gasp_core.stepping.flow import crowding_decay, is_flowing, subgrid_decay
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
 from gasp_core.stepping.tracer_bodies import tracer_bodies
@@ -37,13 +38,16 @@ Array = NDArray[Any]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matter:
     """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, whose matter
-    carries each tracer, (M,), and the rows of what flows, (K,)."""
+    carries each tracer, (M,), the rows of what flows, (K,), how fast its sub-grid velocities decay, (K,) [1/s], and how
+    fast the volume ratio of fluids falls where they are crowded, (N,) [1/s]."""
 
     masses: Array
     volumes: Array
     portions: tuple[tuple[Material, Array], ...]
     tracer_bodies: Array
     flowing: Array
+    subgrid_decays: Array
+    crowding_decays: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,15 +80,20 @@ class Motion:
     tracers: Array
 
 
-def matter_of(problem: PointProblem) -> Matter:
-    """Masses, volumes and material rows of a problem."""
+def matter_of(problem: PointProblem, spacing: float) -> Matter:
+    """Masses, volumes and material rows of a problem on a grid of `spacing` [m]."""
     ids = problem.points.material_ids
+    flowing = np.flatnonzero(np.array([is_flowing(one) for one in problem.materials])[ids])
+    decays = {index: subgrid_decay(problem.materials[index], spacing) for index in np.unique(ids[flowing])}
+    crowdings = {index: crowding_decay(problem, index, spacing) for index in np.unique(ids)}
     return Matter(
         masses=problem.masses,
         volumes=problem.points.reference_volumes,
         portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
         tracer_bodies=tracer_bodies(problem.points),
-        flowing=np.flatnonzero(np.array([not isinstance(one, Elastic | NeoHookean) for one in problem.materials])[ids]),
+        flowing=flowing,
+        subgrid_decays=np.array([decays[index] for index in ids[flowing]]),
+        crowding_decays=np.array([crowdings[index] for index in ids]),
     )
 
 

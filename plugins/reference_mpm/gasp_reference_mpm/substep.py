@@ -13,6 +13,7 @@ from gasp_reference_mpm.bodies import looked, met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
 from gasp_reference_mpm.separation import Separation
+from gasp_reference_mpm.subgrid import subgrid_velocities, with_room
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
 
 __all__ = ["seeded_affine_velocities", "substep"]
@@ -72,7 +73,8 @@ def substep(
         velocities[rows] = rigid.world.step(time, step, met_nodes)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
-    deformations, history = deformed(matter, motion, velocity_gradients, step)
+    roomy = with_room(matter, motion, stencil, grid, problem.colliders, origin, spacing, time, step)
+    deformations, history = deformed(matter, roomy, velocity_gradients, step)
     carrying = carried(stencil, spacing, grid, velocities, motion.tracers, matter.tracer_bodies)
     tracers = motion.tracers + step * carrying
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
@@ -82,9 +84,14 @@ def substep(
     advancing = point_velocities
     flowing = matter.flowing
     if len(flowing):
-        advancing = point_velocities.copy()
+        advancing, affine_velocities = point_velocities.copy(), affine_velocities.copy()
+        unseen, unseen_affine = subgrid_velocities(
+            matter, motion, stencil, grid, affine_velocities, velocity_gradients, spacing, step
+        )
+        advancing[flowing] += unseen
+        affine_velocities[flowing] += unseen_affine
         advancing[flowing] = kept_out(
-            point_velocities[flowing],
+            advancing[flowing],
             motion.positions[flowing] + origin,
             0.5 * np.cbrt(matter.volumes[flowing]),
             problem.colliders,

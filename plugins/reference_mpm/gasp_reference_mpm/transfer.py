@@ -19,6 +19,7 @@ from gasp_core.stepping.mpm import GRADIENT_SHARE, presence
 
 __all__ = [
     "GridMomentum",
+    "brought",
     "NodeFields",
     "Stencil",
     "carried",
@@ -28,6 +29,7 @@ __all__ = [
     "reaching",
     "scatter",
     "stencil_around",
+    "weighted_sums",
 ]
 
 Array = NDArray[Any]
@@ -120,6 +122,7 @@ class GridMomentum:
         Flat indices of the nodes with mass.
     mass : (G,) [kg]
     momentum : (G, 3) [kg m/s]
+        After the step's stress.
     positions : (G, 3) [m]
     presence : (G,)
         How much a node counts for tracers.
@@ -208,9 +211,7 @@ def scatter(
     rows = stencil.nodes.ravel()
     mass = np.bincount(rows, (stencil.weights * masses[:, None]).ravel(), size)
     nodes = np.flatnonzero(mass)
-    given = velocities[:, None, :] + stencil.arms @ affine_velocities.transpose(0, 2, 1)
-    given *= (masses[:, None] * stencil.weights)[..., None]
-    given -= stencil.gradients @ tensions.transpose(0, 2, 1)
+    given = _given(stencil, masses, velocities, affine_velocities) - stencil.gradients @ tensions.transpose(0, 2, 1)
     momentum = np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
     return GridMomentum(
         nodes=nodes,
@@ -219,6 +220,19 @@ def scatter(
         positions=stencil.fields.coordinates(nodes) * spacing,
         presence=presence(mass[nodes], float(masses.mean())),
     )
+
+
+def brought(stencil: Stencil, nodes: Array, masses: Array, velocities: Array, affine_velocities: Array) -> Array:
+    """Momentum (G, 3) [kg m/s] at `nodes` before any stress acts; arrays as of `scatter`."""
+    rows, size = stencil.nodes.ravel(), stencil.fields.size
+    given = _given(stencil, masses, velocities, affine_velocities)
+    return np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
+
+
+def _given(stencil: Stencil, masses: Array, velocities: Array, affine_velocities: Array) -> Array:
+    given = velocities[:, None, :] + stencil.arms @ affine_velocities.transpose(0, 2, 1)
+    given *= (masses[:, None] * stencil.weights)[..., None]
+    return given
 
 
 def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array) -> tuple[Array, Array, Array]:
@@ -240,6 +254,13 @@ def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Arra
     weighted = stencil.weights[..., None] * around
     affine_velocities = inverse_inertia(spacing) * (weighted.transpose(0, 2, 1) @ stencil.arms)
     return weighted.sum(axis=1), affine_velocities, around.transpose(0, 2, 1) @ stencil.gradients
+
+
+def weighted_sums(stencil: Stencil, nodes: Array, values: Array) -> Array:
+    """sum_i w_i q_i (N,) of values (G,) at nodes (G,), among them every node of the stencil."""
+    everywhere = np.zeros(stencil.fields.size)
+    everywhere[nodes] = values
+    return np.sum(stencil.weights * everywhere[stencil.nodes], axis=1)
 
 
 def carried(

@@ -155,7 +155,8 @@ class Cloud(SortedCloud):
 
     def _make_room(self, nodes: int) -> None:
         self._grid = None
-        self._grid = self._memory.empty((nodes, 4), np.float64)
+        self._control[words.CARRIED_AT] = nodes
+        self._grid = self._memory.empty(((2 if self._flowing else 1) * nodes, 4), np.float64)
         if self._averaged:
             self._means = None
             self._means = self._memory.empty((nodes, 2), self._host_real)

@@ -6,10 +6,11 @@ origin needs the digits, and a velocity that gravity has changed is rounded once
 
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.flow import WALL_FADE, WALL_REACH
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["acted", "confined", "constrain", "is_touched", "kept_out"]
+__all__ = ["acted", "confined", "constrain", "is_touched", "kept_out", "open_share"]
 
 _BLOCK_RADIUS = 1.5 * 3**0.5
 """From the centre of a block of 4^3 nodes to its corners."""
@@ -194,6 +195,20 @@ def kept_out(
                 u = own + (along + lacking) * n + across
         row += at.COLLIDER_WIDTH
     return u
+
+
+@ti.func
+def open_share(place, forcing: ti.template(), fields: ti.template(), control: ti.template(), wall_set):
+    """How much the grid sees of matter at a place, for the colliders near by (`gasp_core.stepping.flow`)."""
+    share = ti.f64(1.0)
+    row = _first_wall(control, wall_set)
+    end = row + control[words.COLLIDERS] * at.COLLIDER_WIDTH
+    while row < end:
+        way = forcing[row + 10] * _distance(forcing, fields, row, _before(forcing, row, place))
+        if way < ti.f64(WALL_REACH):
+            share /= 1.0 + ti.exp(-ti.f64(WALL_FADE) * ti.max(way, 0.0))
+        row += at.COLLIDER_WIDTH
+    return share
 
 
 @ti.func

@@ -50,11 +50,12 @@ def make_kernels(double: bool, kinds: frozenset[str], on_gpu: bool, averaged: bo
     Ints = ti.types.ndarray(dtype=ti.i32, ndim=1)
     Doubles = ti.types.ndarray(dtype=ti.f64, ndim=1)
 
-    transfers = make_transfers(real, averaged=averaged, atomic=on_gpu)
+    flowing = bool(kinds - {"elastic", "neo-hookean"})
+    transfers = make_transfers(real, averaged=averaged, flowing=flowing, atomic=on_gpu)
     scatter, scatter_dilation, gather = transfers.scatter, transfers.scatter_dilation, transfers.gather
-    nodes = make_node_work(real, 0.0 if double else at.LEAST_MASS, averaged=averaged)
+    nodes = make_node_work(real, 0.0 if double else at.LEAST_MASS, averaged=averaged, flowing=flowing)
     clear_block, divide_block, update_block = nodes.clear_block, nodes.divide_block, nodes.update_block
-    meet = make_meet(0.0 if double else at.LEAST_MASS)
+    meet = make_meet(0.0 if double else at.LEAST_MASS, flowing=flowing)
     move_point = make_move(real, kinds, gather)
     strain_point = make_strain(real, kinds)
 

@@ -12,7 +12,7 @@ from gasp_mpm_host import layout as at
 from gasp_core.stepping.mpm import FULL_PRESENCE, HELD_TOGETHER
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.contact import acted, confined
-from gasp_taichi_mpm.nodes import stand_of
+from gasp_taichi_mpm.nodes import settle_carried, stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.separation import BEST, GAP, NODES, SCRATCH_WIDTH, STATE, corner_of, kept, row_of, separate
 
@@ -85,13 +85,15 @@ def _close_gaps(
             scratch[row + GAP] -= batch[words.STEP] * closing.dot(kept(scratch, row + BEST))
 
 
-def make_meet(least_mass: float) -> Callable[..., Any]:
+def make_meet(least_mass: float, *, flowing: bool) -> Callable[..., Any]:
     """Taichi function: from momenta to velocities, at the nodes of one place of several bodies.
 
     Parameters
     ----------
     least_mass
         A node that holds no more than this has no velocity.
+    flowing
+        What the points brought is kept for matter that flows.
     """
 
     @ti.func
@@ -131,6 +133,8 @@ def make_meet(least_mass: float) -> Callable[..., Any]:
                         share = 0.0
                     v = _node4(u[0], u[1], u[2], share)
                 grid[row] = v
+                if ti.static(flowing):
+                    settle_carried(grid, control, row, least_mass)
                 if traced:
                     carrier[row] = _node4(0, 0, 0, ti.min(g[3] / ti.f64(FULL_PRESENCE), ti.f64(1.0)))
 

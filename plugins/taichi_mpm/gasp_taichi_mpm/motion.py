@@ -5,14 +5,17 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.flow import CROWDING_TOLERANCE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
-from gasp_taichi_mpm.contact import kept_out
+from gasp_taichi_mpm.contact import kept_out, open_share
 from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
 from gasp_taichi_mpm.transfers import cell_of, has_drifted, make_overwrite
 
 __all__ = ["make_move", "make_strain"]
+
+_node4 = ti.types.vector(4, ti.f64)
 
 
 @ti.func
@@ -25,6 +28,12 @@ def columns(table: ti.template(), row):
             ti.Vector([table[row + 2][0], table[row + 2][1], table[row + 2][2]]),
         ]
     )
+
+
+@ti.func
+def true_shift(met: ti.template(), labels: ti.template(), control: ti.template(), p):
+    """How far a point's body is from its place in the scene, in cells."""
+    return ti.cast(stand_of(met, control, labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER]), ti.f64)
 
 
 def make_write_response(real: Any) -> Callable[..., None]:
@@ -84,10 +93,46 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
         drive_set,
         p,
     ):
-        V, CX, CY, CZ, LX, LY, LZ = gather(x, grid, control, p)
+        V, CX, CY, CZ, LX, LY, LZ = gather(x, grid, control, 0, p)
         r = (p & words.POINT_BITS) * words.POINT_ROWS
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
         dt = ti.cast(batch[words.STEP], real)
+        history = points[r + words.HISTORY][3]
+        if ti.static(yields):
+            kind = ti.cast(materials[row + at.KIND], ti.i32)
+            if kind > ti.static(at.KINDS["neo-hookean"]) and control[words.SEEDING] == 0:
+                S, SX, SY, SZ, _lx, _ly, _lz = gather(x, grid, control, control[words.CARRIED_AT], p)
+                OX = ti.cast(points[r + words.AFFINE], ti.f64)
+                OY = ti.cast(points[r + words.AFFINE + 1], ti.f64)
+                OZ = ti.cast(points[r + words.AFFINE + 2], ti.f64)
+                # The columns of C L, and the symmetric part of it.
+                QX = OX * LX[0] + OY * LX[1] + OZ * LX[2]
+                QY = OX * LY[0] + OY * LY[1] + OZ * LY[2]
+                QZ = OX * LZ[0] + OY * LZ[1] + OZ * LZ[2]
+                half = 0.5 * batch[words.STEP]
+                FX = half * (QX + _node4(QX[0], QY[0], QZ[0], 0))
+                FY = half * (QY + _node4(QX[1], QY[1], QZ[1], 0))
+                FZ = half * (QZ + _node4(QX[2], QY[2], QZ[2], 0))
+                size = FX.dot(FX) + FY.dot(FY) + FZ.dot(FZ)
+                share = ti.f64(0.0)
+                if size > 0.0:
+                    borne = (CX - SX).dot(FX) + (CY - SY).dot(FY) + (CZ - SZ).dot(FZ)
+                    share = ti.min(ti.max(borne / size, 0.0), 1.0)
+                faded = ti.max(1.0 - materials[row + at.SUBGRID_DECAY] * batch[words.STEP], 0.0)
+                # In the fourth place is the mass that the grid sees.
+                still = _node4(faded, faded, faded, 0)
+                V += still * (ti.cast(points[r + words.VELOCITY], ti.f64) - S)
+                CX += still * (OX - SX - share * FX)
+                CY += still * (OY - SY - share * FY)
+                CZ += still * (OZ - SZ - share * FZ)
+                if ti.static("fluid" in kinds):
+                    crowding = materials[row + at.CROWDING_DECAY] * batch[words.STEP]
+                    if crowding > 0.0:
+                        true = x[p] - true_shift(met, labels, control, p)
+                        volume = S[3] * materials[row + at.FULLNESS] * (1.0 + ti.cast(history, ti.f64))
+                        excess = volume / open_share(true, forcing, fields, control, drive_set) - 1.0
+                        shrinking = ti.cast(crowding * ti.max(excess - ti.f64(CROWDING_TOLERANCE), 0.0), real)
+                        history -= (1 + history) * shrinking / (1 + shrinking)
         kept = points[r + words.VELOCITY]
         # Whole rows in one go, before anything branches: what is stored as vectors of four is computed as such.
         overwrite(points, r + words.VELOCITY, ti.cast(V, real))
@@ -107,7 +152,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
         else:
             L = ti.Matrix([[BX[0], BY[0], BZ[0]], [BX[1], BY[1], BZ[1]], [BX[2], BY[2], BZ[2]]])
             G = columns(points, r + words.DEFORMATION)
-            G, history, tau, dilation = advance(G, L, points[r + words.HISTORY][3], dt, materials, row)
+            G, history, tau, dilation = advance(G, L, history, dt, materials, row)
             write_response(points, r, tau, dilation, history)
             if ti.static(flows):
                 for c in ti.static(range(3)):
@@ -117,8 +162,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
             if ti.static(yields):
                 kind = ti.cast(materials[row + at.KIND], ti.i32)
                 if kind > ti.static(at.KINDS["neo-hookean"]) and control[words.COLLIDERS] > 0:
-                    column = labels[p * at.LABEL_WIDTH + at.HOME] - control[words.LOWER]
-                    true = x[p] - ti.cast(stand_of(met, control, column), ti.f64)
+                    true = x[p] - true_shift(met, labels, control, p)
                     half_width = ti.cast(points[r + words.HALF_SIDE][3], ti.f64)
                     u = kept_out(u, true, half_width, batch[words.STEP], forcing, fields, control, drive_set)
                     for d in ti.static(range(3)):

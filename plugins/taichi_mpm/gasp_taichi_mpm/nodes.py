@@ -7,7 +7,7 @@ from gasp_taichi_mpm import words
 from gasp_taichi_mpm.contact import constrain, is_touched
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["block_corner", "make_node_work", "stand_of"]
+__all__ = ["block_corner", "make_node_work", "settle_carried", "stand_of"]
 
 _node4 = ti.types.vector(4, ti.f64)
 
@@ -33,7 +33,19 @@ def line_of(control: ti.template(), corner, i, j):
     return ((corner[0] + i) * control[words.SHAPE + 1] + corner[1] + j) * control[words.SHAPE + 2] + corner[2]
 
 
-def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespace:
+@ti.func
+def settle_carried(grid: ti.template(), control: ti.template(), row, least_mass: ti.template()):
+    """Momentum to velocity, of what the points brought to a node; the mass stays."""
+    carried = control[words.CARRIED_AT] + row
+    g = grid[carried]
+    v = _node4(0, 0, 0, g[3])
+    if g[3] > least_mass:
+        share = 1 / g[3]
+        v = _node4(share * g[0], share * g[1], share * g[2], g[3])
+    grid[carried] = v
+
+
+def make_node_work(real, least_mass: float, *, averaged: bool, flowing: bool) -> SimpleNamespace:
     """Taichi functions for the block of rank q in the list of active ones.
 
     Parameters
@@ -42,6 +54,8 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
         A node that holds no more than this has no velocity.
     averaged
         There are sums of dilations, too.
+    flowing
+        What the points brought is kept for matter that flows.
     """
     vec2 = ti.types.vector(2, real)
 
@@ -53,6 +67,8 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
                 line = line_of(control, corner, i, j)
                 for k in ti.static(range(4)):
                     grid[line + k] = _node4(0)
+                    if ti.static(flowing):
+                        grid[control[words.CARRIED_AT] + line + k] = _node4(0)
                     if ti.static(averaged):
                         means[line + k] = vec2(0)
 
@@ -102,6 +118,8 @@ def make_node_work(real, least_mass: float, *, averaged: bool) -> SimpleNamespac
                             node = origin + ti.Vector([i, j, k])
                             v = constrain(v, node, batch, forcing, fields, control, report, drive_set)
                     grid[line + k] = _node4(v[0], v[1], v[2], 0)
+                    if ti.static(flowing):
+                        settle_carried(grid, control, line + k, least_mass)
                     if traced:
                         presence = ti.min(g[3] / ti.f64(FULL_PRESENCE), ti.f64(1.0))
                         carrier[line + k] = _node4(presence * v[0], presence * v[1], presence * v[2], presence)

@@ -106,13 +106,15 @@ def numbers4(table: ti.template(), start):
     return _node4(table[start], table[start + 1], table[start + 2], table[start + 3])
 
 
-def make_transfers(real: Any, *, averaged: bool, atomic: bool) -> SimpleNamespace:
+def make_transfers(real: Any, *, averaged: bool, flowing: bool, atomic: bool) -> SimpleNamespace:
     """Taichi functions for one precision of the points.
 
     Parameters
     ----------
     averaged
         Something is nearly incompressible: its dilation is averaged over the nodes before it acts.
+    flowing
+        What the points bring is also kept as it is before anything acts on it.
     atomic
         Points that share a node may be scattered at the same time.
     """
@@ -175,6 +177,32 @@ def make_transfers(real: Any, *, averaged: bool, atomic: bool) -> SimpleNamespac
         return pressure
 
     @ti.func
+    def scatter_carried(
+        points: ti.template(), grid: ti.template(), control: ti.template(), offset, w, first, sx, sy, p
+    ):
+        """As `scatter`, without what stress gives."""
+        r = (p & words.POINT_BITS) * words.POINT_ROWS
+        m = ti.cast(points[r + words.MASS][3], ti.f64)
+        ax = ti.cast(points[r + words.AFFINE], ti.f64)
+        ay = ti.cast(points[r + words.AFFINE + 1], ti.f64)
+        az = ti.cast(points[r + words.AFFINE + 2], ti.f64)
+        start = ti.cast(points[r + words.VELOCITY], ti.f64) - (offset[0] * ax + offset[1] * ay + offset[2] * az)
+        start[3] = 1.0
+        for i in ti.static(range(3)):
+            wi = m * w[i, 0]
+            along_x = wi * (start + i * ax)
+            for j in ti.static(range(3)):
+                wij = wi * w[j, 1]
+                along_xy = w[j, 1] * along_x + (j * wij) * ay
+                line = (first + i * sx + j * sy) & words.NODE_BITS
+                for k in ti.static(range(3)):
+                    given = w[k, 2] * (along_xy + (k * wij) * az)
+                    if ti.static(atomic):
+                        grid[line + k] += given
+                    else:
+                        grid[line + k] = grid[line + k] + given
+
+    @ti.func
     def scatter(
         x: ti.template(),
         points: ti.template(),
@@ -225,9 +253,15 @@ def make_transfers(real: Any, *, averaged: bool, atomic: bool) -> SimpleNamespac
                     else:
                         grid[line + k] = grid[line + k] + given
 
+        if ti.static(flowing):
+            scatter_carried(points, grid, control, offset, w, control[words.CARRIED_AT] + first, sx, sy, p)
+
     @ti.func
-    def gather(x: ti.template(), grid: ti.template(), control: ti.template(), p):
-        """Velocity, the columns of its affine part C and those of the velocity gradient L at a point."""
+    def gather(x: ti.template(), grid: ti.template(), control: ti.template(), shift, p):
+        """Velocity, the columns of its affine part C and those of the velocity gradient L at a point.
+
+        Of the grid after all that acts with a `shift` of 0, of what the points brought with one of CARRIED_AT.
+        """
         offset, first, sx, sy = stencil(x, control, p)
         w = weights(offset)
         d = slopes(offset)
@@ -242,7 +276,7 @@ def make_transfers(real: Any, *, averaged: bool, atomic: bool) -> SimpleNamespac
             s, sc, se = _node4(0), _node4(0), _node4(0)
             cs, es = _node4(0), _node4(0)
             for j in ti.static(range(3)):
-                line = (first + i * sx + j * sy) & words.NODE_BITS
+                line = (shift + first + i * sx + j * sy) & words.NODE_BITS
                 g0 = grid[line]
                 g1 = grid[line + 1]
                 g2 = grid[line + 2]

@@ -68,7 +68,9 @@ FIRST_STEP = 57
 MOVING = 58
 """1 where colliders have a set for every step, because any of them moves."""
 WINDS_AT = 59
-CONTROL_WIDTH = 60
+CARRIED_AT = 60
+"""How far behind a node's row the one lies that has what points brought to it, before anything acts."""
+CONTROL_WIDTH = 61
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0

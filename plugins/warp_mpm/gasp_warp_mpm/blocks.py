@@ -18,7 +18,7 @@ BLOCK_NODES = 64
 
 
 @cache
-def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
+def make_blocks(double: bool, averaged: bool, flowing: bool) -> SimpleNamespace:
     """Functions clear_node, divide_node, update_node, and the like for blocks; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
@@ -56,8 +56,19 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
     def clear_node(s: Tables, corner: wp.vec3i, n: int):
         row = row_of(s, node_of(corner, n))
         s.grid[row] = vec4()
+        if flowing:
+            s.carried[row] = vec4()
         if averaged:
             s.means[row] = vec2()
+
+    @wp.func
+    def settle_carried(s: Tables, row: int):
+        """Momentum to velocity, of what the points brought; the mass stays."""
+        g = s.carried[row]
+        v = vec4(zero, zero, zero, g[3])
+        if g[3] > least_mass:
+            v = vec4(g[0] / g[3], g[1] / g[3], g[2] / g[3], g[3])
+        s.carried[row] = v
 
     @wp.func
     def clear_block(s: Tables, q: int):
@@ -108,6 +119,8 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
             if held == 1:
                 s.report[CLAMPED] = 1
         s.grid[row] = v
+        if flowing:
+            settle_carried(s, row)
         if s.tracer_count > 0:
             presence = wp.min(g[3] / full_presence, one)
             s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
@@ -122,6 +135,7 @@ def make_blocks(double: bool, averaged: bool) -> SimpleNamespace:
         block_corner=block_corner,
         lone_corner=lone_corner,
         clear_node=clear_node,
+        settle_carried=settle_carried,
         divide_node=divide_node,
         update_node=update_node,
         clear_block=clear_block,

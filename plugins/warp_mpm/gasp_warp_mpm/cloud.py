@@ -176,6 +176,8 @@ class Cloud(StagedSteps):
         tables = self._tables
         # One more, because native code reads nodes four at a time.
         tables.grid = self._empty(nodes + 1, self._types.vec4)
+        if self._flowing:
+            tables.carried = self._empty(nodes + 1, self._types.vec4)
         if self._averaged:
             tables.means = self._empty(nodes, self._types.vec2)
         if self._traced:

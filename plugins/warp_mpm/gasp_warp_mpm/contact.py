@@ -9,12 +9,15 @@ origin needs the digits, and a velocity that gravity has changed is rounded once
 import warp as wp
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.flow import WALL_FADE, WALL_REACH
 from gasp_warp_mpm.tables import Acting
 
-__all__ = ["acted", "confined", "constrain", "kept_out"]
+__all__ = ["acted", "confined", "constrain", "kept_out", "open_share"]
 
 _ZERO = wp.float64(0.0)
 _ONE = wp.float64(1.0)
+_WALL_FADE = wp.float64(WALL_FADE)
+_WALL_REACH = wp.float64(WALL_REACH)
 _TOUCH = wp.float64(at.TOUCH)
 _HELD = wp.float64(1e-6)
 """Of a node's speed: what the domain's edge takes of it beyond this is more than rounding."""
@@ -233,6 +236,18 @@ def kept_out(s: Acting, velocity: wp.vec3d, place: wp.vec3d, half_width: wp.floa
                     across = across * wp.max(_ZERO, _ONE - s.forcing[row + 9] * lacking / speed)
                 u = own + (along + lacking) * normal + across
     return u
+
+
+@wp.func
+def open_share(s: Acting, place: wp.vec3d, wall_set: int):
+    """How much the grid sees of matter at a place, for the colliders near by (`gasp_core.stepping.flow`)."""
+    share = _ONE * _ONE
+    for collider in range(s.colliders):
+        row = (s.moving * wall_set * s.colliders + collider) * at.COLLIDER_WIDTH
+        way = s.forcing[row + 10] * _distance(s, row, _before(s, row, place))
+        if way < _WALL_REACH:
+            share = share / (_ONE + wp.exp(-_WALL_FADE * wp.max(way, _ZERO)))
+    return share
 
 
 @wp.func

@@ -24,6 +24,7 @@ from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
 from gasp_warp_mpm.phases import make_phases
+from gasp_warp_mpm.subgrid import make_subgrid
 from gasp_warp_mpm.survey import make_survey
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, stand_of, tables_of
 from gasp_warp_mpm.tracers import make_tracers
@@ -65,18 +66,21 @@ def make_kernels(
     row9, write9, write_stress = transfers.row9, transfers.write9, transfers.write_stress
     material_row, gather, scatter = transfers.material_row, transfers.gather, transfers.scatter
     stencil, weights = transfers.stencil, transfers.weights
+    scatter_carried = transfers.scatter_carried
     scatter_dilation, mean_pressure = transfers.scatter_dilation, transfers.mean_pressure
-    blocks = make_blocks(double, averaged)
+    flows = bool(kinds - {"elastic", "neo-hookean"})
+    blocks = make_blocks(double, averaged, flows)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
     settle_block, update_block = blocks.settle_block, blocks.update_block
-    meet = make_meeting(double, averaged, atomic=atomic, native=native).meet if several else None
+    meet = make_meeting(double, averaged, flows, atomic=atomic, native=native).meet if several else None
     tracers = make_tracers(double, averaged, atomic=atomic, native=native)
     carry_one, carry_some = tracers.carry_one, tracers.carry_some
     lines = make_native(double, averaged)
-    spread, move_elastic, move_neo_hookean = lines.spread, lines.move_elastic, lines.move_neo_hookean
+    spread, spread_carried = lines.spread, lines.spread_carried
+    move_elastic, move_neo_hookean = lines.move_elastic, lines.move_neo_hookean
     advance = make_response(double, kinds, advance=True)
     stress_of = make_response(double, kinds, advance=False)
-    flows = bool(kinds - {"elastic", "neo-hookean"})
+    with_unseen = make_subgrid(double, averaged, "fluid" in kinds, atomic=atomic, native=native).with_unseen
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
     zero, vec3 = real(0.0), algebra(real).vec3
     no_pool, no_corner = wp.uint64(0), wp.vec3i()
@@ -98,10 +102,18 @@ def make_kernels(
         """Grid to point, then F, the return mapping and the stress that the next scatter reads."""
         v, C, L = gather(s, p)
         o = p * at.POINT_WIDTH
+        yields = int(0)
+        history = s.points[o + at.HISTORY]
+        aside = wp.vec3d()
+        if flows:
+            if int(s.materials[material_row(s, p) + at.KIND]) > is_neo_hookean:
+                yields = 1
+                aside = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
+                v, C, history = with_unseen(s, acting, drive_set, p, s.x[p] - aside, v, C, L)
         F, gain, tau, dilation = advance(
             row9(s.points, o + at.DEFORMATION),
             L,
-            s.points[o + at.HISTORY],
+            history,
             real(s.step),
             s.materials,
             material_row(s, p),
@@ -112,8 +124,7 @@ def make_kernels(
         s.points[o + at.HISTORY] = gain
         u = wp.vec3d(v)
         if flows:
-            if int(s.materials[material_row(s, p) + at.KIND]) > is_neo_hookean and acting.colliders > 0:
-                aside = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
+            if yields == 1 and acting.colliders > 0:
                 half_width = wp.float64(s.points[o + at.HALF_SIDE])
                 u = kept_out(acting, u, s.x[p] - aside, half_width, s.step, drive_set)
                 v = vec3(real(u[0]), real(u[1]), real(u[2]))
@@ -202,9 +213,13 @@ def make_kernels(
                         s, p, weights(offset), first, sx, sy
                     )
             spread(s, begin, end)
+            if flows:
+                spread_carried(s, begin, end)
         else:
             for p in range(begin, end):
                 scatter(s, p, no_pool, no_corner)
+                if flows:
+                    scatter_carried(s, p, no_pool, no_corner)
 
     # ---- in threads: each takes a share of every phase and waits for the others -------------------------------------
 
@@ -372,6 +387,7 @@ def make_kernels(
             module,
             double,
             averaged,
+            flows,
             meet,
             transfers=transfers,
             blocks=blocks,

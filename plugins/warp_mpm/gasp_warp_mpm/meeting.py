@@ -12,6 +12,7 @@ import warp as wp
 from gasp_mpm_host import layout as at
 
 from gasp_core.stepping.mpm import FULL_PRESENCE, HELD_TOGETHER
+from gasp_warp_mpm.blocks import make_blocks
 from gasp_warp_mpm.contact import acted, confined
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.separation import BEST, GAP, NODES, SCRATCH_WIDTH, STATE, make_separation
@@ -21,7 +22,7 @@ __all__ = ["make_meeting"]
 
 
 @cache
-def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_meeting(double: bool, averaged: bool, flowing: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
     """The function meet; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
@@ -29,6 +30,7 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
     Tables = tables_of(real)
     found = make_separation(double, averaged, atomic=atomic, native=native)
     separate, corner_of, node_row, kept3 = found.separate, found.corner_of, found.node_row, found.kept3
+    settle_carried = make_blocks(double, averaged, flowing).settle_carried
     zero, one = real(0.0), real(1.0)
     wide_zero, wide_one = wp.float64(0.0), wp.float64(1.0)
     held_together, least_presence = real(HELD_TOGETHER), real(FULL_PRESENCE)
@@ -115,6 +117,8 @@ def make_meeting(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
                     share = zero
                 v = vec4(real(u[0]), real(u[1]), real(u[2]), share)
             s.grid[row] = v
+            if flowing:
+                settle_carried(s, row)
             if s.tracer_count > 0:
                 s.carrier[row] = vec4(zero, zero, zero, wp.min(g[3] / least_presence, one))
 

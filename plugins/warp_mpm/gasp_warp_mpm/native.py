@@ -67,7 +67,7 @@ _STENCIL = """
 _GRID = """
     const cell4 grid_low = {s.lower[0], s.lower[1], s.lower[2], 0};
     const index sy = 4 * (index)s.shape[2], sx = sy * s.shape[1];
-    REAL* const nodes = (REAL*)s.grid.data;
+    REAL* const nodes = (REAL*)s.NODES.data;
 """
 
 # Points of a tile drift by one cell at most: with the stencil, nodes -1 .. 6 of its block.
@@ -82,7 +82,7 @@ _SPREAD = """
     // One node more than the tile has, because a line has room for four.
     REAL tile[SIDE * SLAB + 4] __attribute__((aligned(64))) = {0};
     cell4 lowest = {SIDE, SIDE, SIDE, 0}, highest = {0, 0, 0, 0};
-    const REAL step = (REAL)s.step;
+    const REAL step = STRESS_TIME;
     #define COLUMN(a, b, c) __builtin_shufflevector(given, given, a,b,c,9, a,b,c,9, a,b,c,9, 9,9,9,9)
     for (int p = begin; p < end; ++p) {
         STENCIL
@@ -347,7 +347,8 @@ def _code(double: bool, *parts: str, **words: str) -> str:
 
 @cache
 def make_native(double: bool, averaged: bool) -> SimpleNamespace:
-    """The functions spread, collect, move_elastic and move_neo_hookean for one precision.
+    """The functions spread, collect, move_elastic and move_neo_hookean for one precision; spread_carried and
+    collect_carried, which do the same with the grid before anything acts on it.
 
     With `averaged`, what a point spreads has its mean pressure in it.
     """
@@ -357,20 +358,38 @@ def make_native(double: bool, averaged: bool) -> SimpleNamespace:
     pressure = "point[MEAN_PRESSURE]"
     added = f"+ (line){{0,0,0,0, 0,0,0,0, 0,0, {pressure}, {pressure}, {pressure}, 0,0,0}}" if averaged else ""
 
-    @wp.func_native(_code(double, _GRID, _SPREAD, _END, PRESSURE=added))
+    acted = {"NODES": "grid", "STRESS_TIME": "(REAL)s.step"}
+    carried = {"NODES": "carried", "STRESS_TIME": "0"}
+
+    @wp.func_native(_code(double, _GRID, _SPREAD, _END, PRESSURE=added, **acted))
     def spread(s: Tables, begin: int, end: int):
         """Mass and momentum of a tile's points to the nodes around them."""
 
-    @wp.func_native(_code(double, _GRID, _STENCIL, _COLLECT, _END, _FOUND))
+    @wp.func_native(_code(double, _GRID, _SPREAD, _END, PRESSURE="", **carried))
+    def spread_carried(s: Tables, begin: int, end: int):
+        """As `spread`, without what stress gives."""
+
+    @wp.func_native(_code(double, _GRID, _STENCIL, _COLLECT, _END, _FOUND, **acted))
     def collect(s: Tables, p: int) -> mat74:
         """At a point, rows: v, the columns of C, those of the velocity gradient."""
 
-    @wp.func_native(_code(double, _GRID, _MOVE, _END, _LEFT, RESPOND=_ELASTIC))
+    @wp.func_native(_code(double, _GRID, _STENCIL, _COLLECT, _END, _FOUND, **carried))
+    def collect_carried(s: Tables, p: int) -> mat74:
+        """As `collect`, of what the points brought."""
+
+    @wp.func_native(_code(double, _GRID, _MOVE, _END, _LEFT, RESPOND=_ELASTIC, **acted))
     def move_elastic(s: Tables, acting: Acting, begin: int, row: int) -> int:
         """Move a group of points of the fixed-corotated material at `row`; bits of those whose stress is left to do."""
 
-    @wp.func_native(_code(double, _GRID, _MOVE, _END, _LEFT, RESPOND=_NEO_HOOKEAN))
+    @wp.func_native(_code(double, _GRID, _MOVE, _END, _LEFT, RESPOND=_NEO_HOOKEAN, **acted))
     def move_neo_hookean(s: Tables, acting: Acting, begin: int, row: int) -> int:
         """Move a group of points of the neo-Hookean material at `row`; bits of those whose stress is left to do."""
 
-    return SimpleNamespace(spread=spread, collect=collect, move_elastic=move_elastic, move_neo_hookean=move_neo_hookean)
+    return SimpleNamespace(
+        spread=spread,
+        spread_carried=spread_carried,
+        collect=collect,
+        collect_carried=collect_carried,
+        move_elastic=move_elastic,
+        move_neo_hookean=move_neo_hookean,
+    )

@@ -22,6 +22,7 @@ def make_phases(
     module: Any,
     double: bool,
     averaged: bool,
+    flowing: bool,
     meet: Any,
     *,
     transfers: SimpleNamespace,
@@ -35,6 +36,7 @@ def make_phases(
     """
     Tables = tables_of(wp.float64 if double else wp.float32)
     scatter_one, scatter_dilation = transfers.scatter, transfers.scatter_dilation
+    scatter_carried = transfers.scatter_carried
     block_corner, clear_node = blocks.block_corner, blocks.clear_node
     lone_corner = blocks.lone_corner
     divide_node, update_node = blocks.divide_node, blocks.update_node
@@ -59,7 +61,12 @@ def make_phases(
             first, end = share_of(begin, s.tiles[2 * tile + 1], lane, lanes)
             for p in range(first, end):
                 scatter_one(s, p, pool, corner)
-            give_sums(s, pool, corner, lane, lanes)
+            give_sums(s, s.grid, pool, corner, lane, lanes)
+            if flowing:
+                pool = open_pool(lane, lanes)
+                for p in range(first, end):
+                    scatter_carried(s, p, pool, corner)
+                give_sums(s, s.carried, pool, corner, lane, lanes)
 
     @wp.kernel(module=module, enable_backward=False)
     def update(s: Tables, acting: Acting):

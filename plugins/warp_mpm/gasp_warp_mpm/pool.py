@@ -66,6 +66,7 @@ def make_pool(double: bool) -> SimpleNamespace:
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec2, vec4 = types.vec2, types.vec4
+    Grid = wp.array(dtype=vec4)
     Tables = tables_of(real)
     zero = real(0.0)
     half_cell = wp.float64(0.5)
@@ -134,8 +135,8 @@ def make_pool(double: bool) -> SimpleNamespace:
         return ((corner[0] + n // 64) * s.shape[1] + corner[1] + n // 8 % 8) * s.shape[2] + corner[2] + n % 8
 
     @wp.func
-    def give_sums(s: Tables, pool: wp.uint64, corner: wp.vec3i, lane: int, lanes: int):
-        """To the grid, beyond whose edge lie only nodes that nobody gave anything.
+    def give_sums(s: Tables, grid: Grid, pool: wp.uint64, corner: wp.vec3i, lane: int, lanes: int):
+        """To a grid, beyond whose edge lie only nodes that nobody gave anything.
 
         All threads of the block come here, and none goes on to another tile before all have read.
         """
@@ -143,7 +144,7 @@ def make_pool(double: bool) -> SimpleNamespace:
         for n in range(lane, _NODES, lanes):
             total = read(pool, n)
             if total[0] != zero or total[1] != zero or total[2] != zero or total[3] != zero:
-                wp.atomic_add(s.grid, row_of(s, corner, n), total)
+                wp.atomic_add(grid, row_of(s, corner, n), total)
         join()
 
     @wp.func

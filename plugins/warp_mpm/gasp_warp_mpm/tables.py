@@ -83,6 +83,8 @@ def tables_of(real: Any) -> Any:
         materials: wp.array(dtype=wp.float64)
         step: wp.float64
         grid: wp.array(dtype=types.vec4)
+        carried: wp.array(dtype=types.vec4)
+        """The grid before anything acts on it, where there is matter that flows."""
         means: wp.array(dtype=types.vec2)
         lower: wp.vec3i
         shape: wp.vec3i

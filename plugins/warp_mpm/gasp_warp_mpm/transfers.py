@@ -24,16 +24,22 @@ __all__ = ["make_transfers"]
 
 @cache
 def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
-    """Functions scatter_dilation, mean_pressure, scatter, gather and those for rows; parameters as `make_kernels`."""
+    """Functions scatter_dilation, mean_pressure, scatter, gather and those for rows; parameters as `make_kernels`.
+
+    scatter_carried and gather_carried do the same with the grid before anything acts on it.
+    """
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec2, vec3, vec4, mat33 = types.vec2, types.vec3, types.vec4, types.mat33
     Reals = wp.array(dtype=real)
+    Grid = wp.array(dtype=vec4)
     Tables = tables_of(real)
-    collect = make_native(double, averaged).collect
+    lines = make_native(double, averaged)
+    collect, collect_carried = lines.collect, lines.collect_carried
     pooled = make_pool(double)
     add_to_pool, add_pair_to_pool = pooled.add_to_pool, pooled.add_pair_to_pool
     place_in_pool = pooled.place_in_pool
+    mat74 = wp.types.matrix((7, 4), real)
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     half, three_halves = real(0.5), real(1.5)
     half_cell = wp.float64(0.5)
@@ -85,12 +91,12 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     # ---- transfers --------------------------------------------------------------------------------------------------
 
     @wp.func
-    def give(s: Tables, pool: wp.uint64, node: int, part: vec4):
+    def give(grid: Grid, pool: wp.uint64, node: int, part: vec4):
         """Add to a node: of the pool, or, where no two threads write the same nodes, of the grid."""
         if atomic:
             add_to_pool(pool, node, part)
         else:
-            s.grid[node] = s.grid[node] + part
+            grid[node] = grid[node] + part
 
     @wp.func
     def give_mean(s: Tables, pool: wp.uint64, node: int, part: vec2):
@@ -183,24 +189,16 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return pressure
 
     @wp.func
-    def scatter(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
-        """A point's mass and momentum to the 27 nodes around it."""
+    def spread(s: Tables, grid: Grid, p: int, stress: mat33, pool: wp.uint64, corner: wp.vec3i):
+        """A point's mass and momentum, and what its stress gives in the step, to the 27 nodes around it."""
         offset, on_grid, grid_x, grid_y = stencil(s, p)
         w = weights(offset)
         d = slopes(offset)
         o = p * at.POINT_WIDTH
-        t = o + at.STRESS
         m = s.points[o + at.MASS]
-        diagonal = row3(s.points, t)
-        shear = row3(s.points, t + 3)
-        if averaged:
-            diagonal = diagonal + vec3(mean_pressure(s, p, w, on_grid, grid_x, grid_y))
-        S = real(s.step) * mat33(
-            diagonal[0], shear[0], shear[1], shear[0], diagonal[1], shear[2], shear[1], shear[2], diagonal[2]
-        )
-        A = row9(s.points, o + at.AFFINE) - folded * S
+        A = row9(s.points, o + at.AFFINE) - folded * stress
         u = row3(s.points, o + at.VELOCITY) - A @ offset
-        S = (shared_force * m) * S
+        S = (shared_force * m) * stress
         start = vec4(u[0], u[1], u[2], one)
         ax = vec4(A[0, 0], A[1, 0], A[2, 0], zero)
         ay = vec4(A[0, 1], A[1, 1], A[2, 1], zero)
@@ -222,16 +220,35 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
                 pzij = w[j, 1] * pzi
                 line = first + i * sx + j * sy
                 for k in range(3):
-                    give(s, pool, line + k, w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij)
+                    give(grid, pool, line + k, w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij)
 
     @wp.func
-    def gather(s: Tables, p: int):
-        """Velocity, its affine part C and the velocity gradient L at a point."""
+    def scatter(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
+        """A point's mass and momentum, with the step's stress."""
+        t = p * at.POINT_WIDTH + at.STRESS
+        diagonal = row3(s.points, t)
+        shear = row3(s.points, t + 3)
+        if averaged:
+            offset, on_grid, grid_x, grid_y = stencil(s, p)
+            diagonal = diagonal + vec3(mean_pressure(s, p, weights(offset), on_grid, grid_x, grid_y))
+        S = real(s.step) * mat33(
+            diagonal[0], shear[0], shear[1], shear[0], diagonal[1], shear[2], shear[1], shear[2], diagonal[2]
+        )
+        spread(s, s.grid, p, S, pool, corner)
+
+    @wp.func
+    def scatter_carried(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
+        """What the point brings alone."""
+        spread(s, s.carried, p, mat33(), pool, corner)
+
+    @wp.func
+    def gather_from(s: Tables, grid: Grid, p: int):
+        """Velocity and, where it is kept, mass, the affine part C and the velocity gradient L at a point."""
         offset, first, sx, sy = stencil(s, p)
         w = weights(offset)
         d = slopes(offset)
         # Relative to the middle node: what moves as one does not change its velocity, in whatever precision.
-        middle = s.grid[first + sx + sy + 1]
+        middle = grid[first + sx + sy + 1]
         V, CX, CY, CZ = vec4(), vec4(), vec4(), vec4()
         GX, GY, GZ = vec4(), vec4(), vec4()
         for i in range(3):
@@ -239,9 +256,9 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
             diy, diz = vec4(), vec4()
             for j in range(3):
                 line = first + i * sx + j * sy
-                g0 = s.grid[line] - middle
-                g1 = s.grid[line + 1] - middle
-                g2 = s.grid[line + 2] - middle
+                g0 = grid[line] - middle
+                g1 = grid[line + 1] - middle
+                g2 = grid[line + 2] - middle
                 t1 = w[1, 2] * g1
                 t2 = w[2, 2] * g2
                 s0 = w[0, 2] * g0 + t1 + t2
@@ -263,15 +280,36 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         V = V + middle
         C = mat33(CX[0], CY[0], CZ[0], CX[1], CY[1], CZ[1], CX[2], CY[2], CZ[2])
         G = mat33(GX[0], GY[0], GZ[0], GX[1], GY[1], GZ[1], GX[2], GY[2], GZ[2])
-        return vec3(V[0], V[1], V[2]), C, folded * C + shared * G
+        return V, C, folded * C + shared * G
+
+    @wp.func
+    def gather(s: Tables, p: int):
+        """At a point, of the grid after all that acts."""
+        V, C, L = gather_from(s, s.grid, p)
+        return vec3(V[0], V[1], V[2]), C, L
+
+    @wp.func
+    def gather_carried(s: Tables, p: int):
+        """Velocity, C and mass that the points brought."""
+        V, C, _L = gather_from(s, s.carried, p)
+        return vec3(V[0], V[1], V[2]), C, V[3]
+
+    @wp.func
+    def affine_of(f: mat74):
+        return mat33(f[1, 0], f[2, 0], f[3, 0], f[1, 1], f[2, 1], f[3, 1], f[1, 2], f[2, 2], f[3, 2])
 
     @wp.func
     def collected(s: Tables, p: int):
         """As `gather`, by the native loops."""
         f = collect(s, p)
-        C = mat33(f[1, 0], f[2, 0], f[3, 0], f[1, 1], f[2, 1], f[3, 1], f[1, 2], f[2, 2], f[3, 2])
         L = mat33(f[4, 0], f[5, 0], f[6, 0], f[4, 1], f[5, 1], f[6, 1], f[4, 2], f[5, 2], f[6, 2])
-        return vec3(f[0, 0], f[0, 1], f[0, 2]), C, L
+        return vec3(f[0, 0], f[0, 1], f[0, 2]), affine_of(f), L
+
+    @wp.func
+    def collected_carried(s: Tables, p: int):
+        """As `gather_carried`, by the native loops."""
+        f = collect_carried(s, p)
+        return vec3(f[0, 0], f[0, 1], f[0, 2]), affine_of(f), f[0, 3]
 
     return SimpleNamespace(
         row3=row3,
@@ -285,5 +323,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         scatter_dilation=scatter_dilation,
         mean_pressure=mean_pressure,
         scatter=scatter,
+        scatter_carried=scatter_carried,
         gather=collected if native else gather,
+        gather_carried=collected_carried if native else gather_carried,
     )
