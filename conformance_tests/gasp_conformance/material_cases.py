@@ -52,7 +52,7 @@ __all__ = [
     "bar_stretches_far",
     "block_shears_and_returns",
     "block_swings",
-    "fluid_column_sinks",
+    "confined_column_sinks",
     "layer_on_slope",
     "loose_block_parts",
     "rigid_block_spins",
@@ -62,8 +62,8 @@ __all__ = [
     "snow_is_pressed",
     "snow_is_pulled_and_swings",
     "snow_is_torn",
-    "unyielding",
     "spreads_on_a_floor",
+    "unyielding",
 ]
 
 Array = NDArray[Any]
@@ -85,7 +85,7 @@ class Ring:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinking:
-    """Relative errors of a fluid column's period and of how deep it sinks."""
+    """Relative errors of a column's period and of how deep it sinks."""
 
     period_error: float
     depth_error: float
@@ -358,8 +358,11 @@ def layer_on_slope(subject: Subject, material: Sand, slope: float) -> float:
     return way / (GRAVITY * math.sin(tilt) * time**2 / 2)
 
 
-def fluid_column_sinks(subject: Subject, material: Fluid, cells: int) -> Sinking:
-    """Weight sets in on a column of fluid, 1 m high, between frictionless walls: tells bulk modulus and density."""
+def confined_column_sinks(subject: Subject, material: Fluid | Sand, cells: int) -> Sinking:
+    """Weight sets in on a column, 1 m high, between frictionless walls: tells density and how stiff it is there."""
+    modulus = (
+        material.bulk_modulus if isinstance(material, Fluid) else material.lame_lambda + 2 * material.shear_modulus
+    )
     height, spacing = 1.0, 1.0 / cells
     column = box_of_points((0.0, 0.0, 0.0), (1, 1, cells), spacing)
     walls = [
@@ -378,7 +381,7 @@ def fluid_column_sinks(subject: Subject, material: Fluid, cells: int) -> Sinking
         ),
         gravity=(0.0, 0.0, -GRAVITY),
     )
-    speed = math.sqrt(material.bulk_modulus / material.density)
+    speed = math.sqrt(modulus / material.density)
     period = oracles.column_period(height, speed)
     z = column[:, 2]
     shape = np.sin(np.pi * z / (2 * height))
@@ -386,7 +389,7 @@ def fluid_column_sinks(subject: Subject, material: Fluid, cells: int) -> Sinking
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     sinking = np.array([mode_amplitude(z - state.positions[:, 2], shape) for state in states])
     frequency, mean = damped_oscillation(times, sinking, 1 / period)
-    static = oracles.column_deflection(z, height, material.density, GRAVITY, material.bulk_modulus)
+    static = oracles.column_deflection(z, height, material.density, GRAVITY, modulus)
     return Sinking(period_error=1 / (frequency * period) - 1, depth_error=mean / mode_amplitude(static, shape) - 1)
 
 

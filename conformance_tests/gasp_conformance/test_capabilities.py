@@ -248,11 +248,23 @@ def test_sand_has_its_friction_angle(subject: Subject, ledger: Ledger) -> None:
         )
 
 
+@check("material:sand[compression]", Level.CAPABILITY)
+def test_sand_has_its_stiffness_and_density(subject: Subject, ledger: Ledger) -> None:
+    """A column between frictionless walls swings and sinks under its weight as its stiffness and density say."""
+    cells = 8
+    # Walls bear nu / (1 - nu) of the weight: a quarter, too little for sand of more than 37 degrees to give way.
+    sand = Sand(density=700.0, youngs_modulus=3e6, poissons_ratio=0.2, friction_angle=50.0)
+    column = material_cases.confined_column_sinks(subject, sand, cells)
+    # Walls are felt within half a cell.
+    ledger.at_most("sand column", "period error", column.period_error, 0.5 / cells)
+    ledger.at_most("sand column", "depth error", column.depth_error, 0.5 / cells)
+
+
 @check("material:fluid[compression]", Level.CAPABILITY)
 def test_fluid_has_its_bulk_modulus_and_density(subject: Subject, ledger: Ledger) -> None:
     """A column between frictionless walls swings and sinks under its weight as its bulk modulus and density say."""
     cells = 8
-    column = material_cases.fluid_column_sinks(subject, Fluid(density=700.0, bulk_modulus=3e6), cells)
+    column = material_cases.confined_column_sinks(subject, Fluid(density=700.0, bulk_modulus=3e6), cells)
     # Walls are felt within half a cell.
     ledger.at_most("fluid column", "period error", column.period_error, 0.5 / cells)
     ledger.at_most("fluid column", "depth error", column.depth_error, 0.5 / cells)

@@ -584,7 +584,7 @@ class ImpulseInEqualShares(Mutant):
         return replace(problem, drives=tuple(one for one in problem.drives if not isinstance(one, Impulse)))
 
 
-@mutant("sand-modulus-ignored", {"material:sand[friction]": "way / frictionless"})
+@mutant("sand-modulus-ignored", {"material:sand[compression]": "period error"})
 class SandModulusIgnored(Mutant):
     """Sand is as stiff as it likes."""
 

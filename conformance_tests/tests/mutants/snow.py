@@ -94,7 +94,7 @@ def _half_hardened_stress(matter: Matter, motion: Motion, stencil: Stencil) -> A
     return stress
 
 
-@mutant("snow-hardens-in-shear-alone", {"material:snow[confined]": "exp"})
+@mutant("snow-hardens-in-shear-alone", {"material:snow[confined]": "set / the work's"})
 class SnowHardensInShearAlone(InsideOut):
     """Of its two moduli only mu hardens."""
 

@@ -42,7 +42,7 @@ def _as_it_flows(velocities: Array, *_: Any) -> Array:
 
 @mutant(
     "sinks-into-floors",
-    {"material:sand[floor]": "surface below it", "material:fluid[floor]": "surface below it"},
+    {"material:sand[floor]": "surface below it", "material:fluid[floor]": "lowest percent below it"},
     slow=["material:sand[floor]"],
 )
 class SinksIntoFloors(InsideOut):
