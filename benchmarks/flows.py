@@ -97,10 +97,10 @@ def tank(subject, cells, kind, until=10.0):
         materials=(Fluid(density=1000, bulk_modulus=1e6, viscosity=1.0),),
         colliders=walls(kind, width, depth, top),
     )
-    times = np.concatenate([np.linspace(until / 5, until - 2, 4), np.linspace(until - 2, until, 21)[1:]])
+    times = np.linspace(until / 50, until, 50)
     states = list(subject.states(problem, EngineAccuracy(spacing=spacing), times, {Field.VELOCITIES}))
-    height = np.mean([each.positions[:, 2].mean() for each in states[4:]])
-    swing = np.mean([(each.velocities**2).sum(axis=1).mean() for each in states[4:]]) / (2 * 9.81)
+    height = np.mean([each.positions[:, 2].mean() for each in states[-10:]])
+    swing = np.mean([(each.velocities**2).sum(axis=1).mean() for each in states[-10:]]) / (2 * 9.81)
     state = states[-1]
     places = state.positions
     edges = [np.linspace(0, extent, round(extent / spacing) + 1) for extent in (width, depth, level - 2 * spacing)]
