@@ -19,9 +19,9 @@ from gasp_core.stepping.mpm import GRADIENT_SHARE, presence
 
 __all__ = [
     "GridMomentum",
-    "brought",
     "NodeFields",
     "Stencil",
+    "brought",
     "carried",
     "gather",
     "inverse_inertia",
@@ -212,11 +212,10 @@ def scatter(
     mass = np.bincount(rows, (stencil.weights * masses[:, None]).ravel(), size)
     nodes = np.flatnonzero(mass)
     given = _given(stencil, masses, velocities, affine_velocities) - stencil.gradients @ tensions.transpose(0, 2, 1)
-    momentum = np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
     return GridMomentum(
         nodes=nodes,
         mass=mass[nodes],
-        momentum=momentum,
+        momentum=_sums(stencil, nodes, given),
         positions=stencil.fields.coordinates(nodes) * spacing,
         presence=presence(mass[nodes], float(masses.mean())),
     )
@@ -224,15 +223,19 @@ def scatter(
 
 def brought(stencil: Stencil, nodes: Array, masses: Array, velocities: Array, affine_velocities: Array) -> Array:
     """Momentum (G, 3) [kg m/s] at `nodes` before any stress acts; arrays as of `scatter`."""
-    rows, size = stencil.nodes.ravel(), stencil.fields.size
-    given = _given(stencil, masses, velocities, affine_velocities)
-    return np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
+    return _sums(stencil, nodes, _given(stencil, masses, velocities, affine_velocities))
 
 
 def _given(stencil: Stencil, masses: Array, velocities: Array, affine_velocities: Array) -> Array:
     given = velocities[:, None, :] + stencil.arms @ affine_velocities.transpose(0, 2, 1)
     given *= (masses[:, None] * stencil.weights)[..., None]
     return given
+
+
+def _sums(stencil: Stencil, nodes: Array, given: Array) -> Array:
+    """What nodes (G,) get of what each point gives to those around it (N, 27, 3)."""
+    rows, size = stencil.nodes.ravel(), stencil.fields.size
+    return np.stack([np.bincount(rows, given[..., axis].ravel(), size)[nodes] for axis in range(3)], axis=1)
 
 
 def gather(stencil: Stencil, spacing: float, nodes: Array, grid_velocities: Array) -> tuple[Array, Array, Array]:
