@@ -241,7 +241,7 @@ def bar_rings(subject: Subject, cells: int) -> float:
     times = _frames(numbers["periods"] / frequency, numbers["periods"] * numbers["frames_per_period"])
     states = subject.states(scene.problem(cells, [velocities]), scene.accuracy(cells), times)
     amplitudes = [mode_amplitude(state.positions[:, 0] - bar[:, 0], shape) for state in states]
-    return damped_oscillation(times, np.array(amplitudes), frequency)[0] / frequency - 1
+    return damped_oscillation(times, np.array(amplitudes), frequency).frequency / frequency - 1
 
 
 def held_bar_rings(subject: Subject, cells: int) -> HeldBar:
@@ -258,7 +258,7 @@ def held_bar_rings(subject: Subject, cells: int) -> HeldBar:
     times = _frames(numbers["periods"] * period, numbers["periods"] * numbers["frames_per_period"])
     states = subject.states(scene.problem(cells, [velocities]), scene.accuracy(cells), times)
     mean = np.array([float((state.positions[:, 0] - bar[:, 0])[free].mean()) for state in states])
-    frequency, _ = damped_oscillation(times, mean, 1 / period)
+    frequency = damped_oscillation(times, mean, 1 / period).frequency
     closed = oracles.fixed_free_bar_mean(times, scene.length, speed, numbers["speed"])
     early = times <= period / 2
     return HeldBar(
@@ -282,7 +282,8 @@ def column_sinks(subject: Subject, scene: SharedScene, cells: int) -> ColumnSink
     times = _frames(1.05 * periods * period, 1.05 * periods * scene.numbers["frames_per_period"])
     states = subject.states(scene.problem(cells), scene.accuracy(cells), times)
     sinking = np.array([z - state.positions[:, 2] for state in states])
-    frequency, _ = damped_oscillation(times, np.array([mode_amplitude(row, shape) for row in sinking]), 1 / period)
+    amplitudes = np.array([mode_amplitude(row, shape) for row in sinking])
+    frequency = damped_oscillation(times, amplitudes, 1 / period).frequency
     tip = sinking[:, head].mean(axis=1)
     static = float(oracles.column_deflection(z.max(), height, material.density, gravity, confined))
     early = times <= height / speed
@@ -323,9 +324,9 @@ def cantilever_swings(subject: Subject, cells: int) -> Cantilever:
     times = _frames(numbers["periods"] / frequency, numbers["periods"] * numbers["frames_per_period"])
     states = subject.states(scene.problem(cells), scene.accuracy(cells), times)
     drop = np.array([float((beam - state.positions)[tip, 2].mean()) for state in states])
-    found, mean = damped_oscillation(times, drop, frequency)
+    swing = damped_oscillation(times, drop, frequency)
     static = oracles.cantilever_deflection(place, _beam_weight(scene), scene.length / thickness) * scene.length
-    return Cantilever(drop_error=mean / float(static) - 1, frequency_error=found / frequency - 1)
+    return Cantilever(drop_error=swing.mean / float(static) - 1, frequency_error=swing.frequency / frequency - 1)
 
 
 def beam_hangs(subject: Subject, scene: SharedScene, cells: int) -> HangingBeam:

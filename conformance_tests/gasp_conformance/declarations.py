@@ -45,6 +45,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         "pair-contacts": can.pair_contacts,
         "moving-colliders": can.moving_colliders,
         "restitution": can.restitution,
+        "material-damping": can.material_damping,
         "checkpoints": can.checkpoints,
         "tracers": can.carries_tracers,
         "device-indices": can.device_indices,

@@ -183,8 +183,8 @@ def beam_swings(subject: Subject, poissons_ratio: float, cells: int) -> tuple[fl
     accuracy = EngineAccuracy(spacing=spacing, substep_limit=10**6)
     z = problem.points.reference_positions[tip, 2]
     drop = [float((z - state.positions[tip, 2]).mean()) for state in subject.states(problem, accuracy, times)]
-    found, mean = damped_oscillation(times, np.array(drop), frequency)
-    return mean, found
+    swing = damped_oscillation(times, np.array(drop), frequency)
+    return swing.mean, swing.frequency
 
 
 # Light beside heavy ---------------------------------------------------------------------------------------------------

@@ -53,6 +53,7 @@ __all__ = [
     "block_shears_and_returns",
     "block_swings",
     "confined_column_sinks",
+    "lame_block",
     "layer_on_slope",
     "loose_block_parts",
     "rigid_block_spins",
@@ -170,7 +171,7 @@ class Spin:
     stepping: float
 
 
-def _lame_block(cells: int) -> tuple[Array, Array, float]:
+def lame_block(cells: int) -> tuple[Array, Array, float]:
     """A square plate, 1 m wide and a cell thick, Lame's mode at its points, and the spacing."""
     spacing = 1.0 / cells
     plate = box_of_points(_AWAY, (cells, cells, 1), spacing)
@@ -181,7 +182,7 @@ def _lame_amplitudes(
     subject: Subject, material: Material, cells: int, velocity: float, times: Array, journal: Journal | None = None
 ) -> Array:
     """Amplitudes (T,) [m] of Lame's mode in a plate that is thrown with `velocity` [m/s] in that mode."""
-    plate, shape, spacing = _lame_block(cells)
+    plate, shape, spacing = lame_block(cells)
     problem = PointProblem(
         points=cloud_of([plate], [velocity * shape], spacing), materials=(material,), gravity=NO_GRAVITY
     )
@@ -196,7 +197,7 @@ def block_shears_and_returns(subject: Subject, material: Solid) -> Ring:
     times = np.linspace(0, 1.3 / frequency, 40)[1:]
     peak = 0.005 / math.pi
     amplitudes = _lame_amplitudes(subject, material, cells, peak * 2 * math.pi * frequency, times)
-    found, _ = damped_oscillation(times, amplitudes, frequency)
+    found = damped_oscillation(times, amplitudes, frequency).frequency
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.sqrt(2) * math.pi, 1.0 / cells))
 
 
@@ -213,7 +214,7 @@ def bar_stretches_and_returns(subject: Subject, material: Solid) -> Ring:
     times = np.linspace(0, 1.3 / frequency, 40)[1:]
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     amplitudes = [mode_amplitude(state.positions[:, 0] - bar[:, 0], shape) for state in states]
-    found, _ = damped_oscillation(times, np.array(amplitudes), frequency)
+    found = damped_oscillation(times, np.array(amplitudes), frequency).frequency
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(math.pi, spacing))
 
 
@@ -237,7 +238,7 @@ def ball_breathes(subject: Subject, material: Solid) -> Ring:
     times = np.linspace(0, 1.3 / frequency, 40)[1:]
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     amplitudes = [mode_amplitude((state.positions - ball).ravel(), shape.ravel()) for state in states]
-    found, _ = damped_oscillation(times, np.array(amplitudes), frequency)
+    found = damped_oscillation(times, np.array(amplitudes), frequency).frequency
     return Ring(error=found / frequency - 1, dispersion=exact.grid_dispersion(root / radius, spacing))
 
 
@@ -388,9 +389,12 @@ def confined_column_sinks(subject: Subject, material: Fluid | Sand, cells: int) 
     times = np.linspace(0, 1.2 * period, 60)[1:]
     states = subject.states(problem, EngineAccuracy(spacing=spacing), times)
     sinking = np.array([mode_amplitude(z - state.positions[:, 2], shape) for state in states])
-    frequency, mean = damped_oscillation(times, sinking, 1 / period)
+    swing = damped_oscillation(times, sinking, 1 / period)
     static = oracles.column_deflection(z, height, material.density, GRAVITY, modulus)
-    return Sinking(period_error=1 / (frequency * period) - 1, depth_error=mean / mode_amplitude(static, shape) - 1)
+    return Sinking(
+        period_error=1 / (swing.frequency * period) - 1,
+        depth_error=swing.mean / mode_amplitude(static, shape) - 1,
+    )
 
 
 def shear_flow_dies(subject: Subject, material: Fluid) -> Decay:
@@ -557,8 +561,7 @@ class _Press:
         period = 2 * math.pi / self.pulse
         times = np.linspace(0, 1.3 * period, 40)[1:]
         gaps = self.gaps(subject, unyielding(self.material), -_SMALL_STRAIN * self.pulse, times)
-        found, _ = damped_oscillation(times, gaps, 1 / period)
-        return found
+        return damped_oscillation(times, gaps, 1 / period).frequency
 
     def length(self, frequency: float) -> float:
         """That a bar of this frequency [Hz] has, over its length: a spring is the stiffer the shorter it is, and part
@@ -581,7 +584,8 @@ class _Press:
         rest, swings = period / 2, 2 * period / faster
         times = np.linspace(0, rest + swings, 160)[1:]
         gaps = self.gaps(subject, snow, -self.speed(work), times)[times > rest] / length
-        after, shorter = damped_oscillation(times[times > rest], gaps, faster * before)
+        swing = damped_oscillation(times[times > rest], gaps, faster * before)
+        after, shorter = swing.frequency, swing.mean
         kept = 1 + shorter
         set_error = shorter / (exact.snow_volume_ratio(work / length, theta, xi) - 1) - 1
         if not 0 < kept < 2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.optimize import curve_fit
 
 __all__ = [
     "Arc",
+    "Oscillation",
     "angular_momentum",
     "damped_oscillation",
     "flights",
@@ -56,11 +58,21 @@ def mode_amplitude(displacements: Array, shape: Array) -> float:
     return float(displacements @ shape / (shape @ shape))
 
 
-def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[float, float]:
-    """Frequency [Hz] and mean of a decaying oscillation a exp(-gamma t) sin(2 pi f t + phi) + m, near `frequency`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Oscillation:
+    """a exp(-gamma t) sin(2 pi f t + phi) + m: its frequency f [Hz], mean m and decay gamma [1/s]."""
 
-    What is no such oscillation has neither: NaN, which keeps no bound.
+    frequency: float
+    mean: float
+    decay: float
+
+
+def damped_oscillation(times: Array, values: Array, frequency: float) -> Oscillation:
+    """The decaying oscillation, near `frequency`, that values (T,) at times (T,) [s] are.
+
+    What is none is NaN, which keeps no bound.
     """
+    nothing = Oscillation(frequency=math.nan, mean=math.nan, decay=math.nan)
 
     def model(t: Array, amplitude: float, f: float, decay: float, phase: float, mean: float) -> Array:
         return amplitude * np.exp(-decay * t) * np.sin(2 * np.pi * f * t + phase) + mean
@@ -68,13 +80,13 @@ def damped_oscillation(times: Array, values: Array, frequency: float) -> tuple[f
     mean = float(np.mean(values))
     amplitude = float(np.ptp(values)) / 2
     if not amplitude > 0:
-        return math.nan, math.nan
+        return nothing
     phase = math.asin(max(-1.0, min(1.0, (float(values[0]) - mean) / amplitude)))
     try:
         found, _ = curve_fit(model, times, values, p0=[amplitude, frequency, 0.0, phase, mean])
     except RuntimeError:
-        return math.nan, math.nan
-    return float(found[1]), float(found[4])
+        return nothing
+    return Oscillation(frequency=float(found[1]), mean=float(found[4]), decay=float(found[2]))
 
 
 def half_height_width(times: Array, pulse: Array, height: float) -> float:

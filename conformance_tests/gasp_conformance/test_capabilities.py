@@ -73,10 +73,11 @@ SHOWN = {
     "pair-contacts",
     "moving-colliders",
     "restitution",
+    "material-damping",
     "device-indices",
     "tracers",
 }
-"""Names of the checks below and in `test_bodies`; devices have theirs by their names."""
+"""Names of the checks below, in `test_bodies` and in `test_damping`; devices have theirs by their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gasp_conformance import capability_oracles as exact
-from gasp_conformance import elsewhere, specimens, test_bodies, test_capabilities, test_core
+from gasp_conformance import elsewhere, specimens, test_bodies, test_capabilities, test_core, test_damping
 from gasp_conformance.declarations import base_name, declared
 from gasp_conformance.ledger import Figure, Ledger
 from gasp_conformance.plugin_imports import PluginImports, plugin_imports
@@ -81,6 +81,7 @@ EVERYTHING = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    material_damping=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -419,8 +420,8 @@ def test_an_engine_that_is_not_installed_fails_in_a_process_with_its_message() -
 def judges() -> dict[str, Any]:
     """Every capability check by the name of its function, but those that pytest makes for an engine."""
     made = {"test_device", "test_declared_without_a_check"}
-    both = vars(test_capabilities) | vars(test_bodies)
-    return {name: judge for name, judge in both.items() if name.startswith("test_") and name not in made}
+    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping)
+    return {name: judge for name, judge in found.items() if name.startswith("test_") and name not in made}
 
 
 def run_judge(judge: Any, subject: Subject, ledger: Ledger) -> None:
@@ -431,6 +432,8 @@ def run_judge(judge: Any, subject: Subject, ledger: Ledger) -> None:
         "device": "cpu",
         "friction": 0.3,
         "shape": "ball",
+        "kind": Elastic,
+        "damping": "mass",
     }
     names = judge.__code__.co_varnames[: judge.__code__.co_argcount]
     sides = list(test_capabilities.Side) if "side" in names else [None]

@@ -304,9 +304,10 @@ def test_incline() -> None:
 def test_observables_find_what_was_put_in() -> None:
     times = np.linspace(0, 2, 81)[1:]
     values = 0.3 * np.exp(-0.2 * times) * np.sin(2 * np.pi * 1.55 * times + 0.1) + 0.05
-    frequency, mean = damped_oscillation(times, values, 1.6)
-    assert frequency == pytest.approx(1.55, rel=1e-6)
-    assert mean == pytest.approx(0.05, rel=1e-5)
+    swing = damped_oscillation(times, values, 1.6)
+    assert swing.frequency == pytest.approx(1.55, rel=1e-6)
+    assert swing.mean == pytest.approx(0.05, rel=1e-5)
+    assert swing.decay == pytest.approx(0.2, rel=1e-5)
     shape = np.cos(np.linspace(0, 3, 20))
     assert mode_amplitude(0.7 * shape, shape) == pytest.approx(0.7, rel=1e-14)
     assert observed_order(np.array([1.0, 0.5, 0.25]), -np.array([1.0, 0.25, 0.0625])) == pytest.approx(2, rel=1e-12)

@@ -11,7 +11,7 @@ import numpy as np
 from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
 from gasp_core.contract.fields import Field, Precision
 from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT
-from gasp_core.contract.materials import Material, Rigid
+from gasp_core.contract.materials import Elastic, Material, NeoHookean, Rigid
 from gasp_core.contract.points import PointProblem
 from gasp_core.contract.shapes import Shape
 from gasp_core.errors import UnsupportedSceneError
@@ -65,6 +65,13 @@ def needs(
         Need(f"has no restitution of rigid bodies{users}", "restitution")
         for material, users in zip(problem.materials, _material_users(problem, body_names))
         if users is not None and isinstance(material, Rigid) and material.restitution > 0
+    ]
+    asked += [
+        Need(f"damps no {material.kind}{users}", "material_damping")
+        for material, users in zip(problem.materials, _material_users(problem, body_names))
+        if users is not None
+        and isinstance(material, Elastic | NeoHookean)
+        and (material.mass_damping > 0 or material.stiffness_damping > 0)
     ]
     for number, collider in enumerate(problem.colliders, start=1):
         shape, contact = collider.shape, collider.contact

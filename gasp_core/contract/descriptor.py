@@ -41,6 +41,8 @@ class EngineCapabilities:
         Whether colliders may move, as their `Collider.motion` says.
     restitution
         Whether rigid bodies bounce as their `Rigid.restitution` says.
+    material_damping
+        Whether elastic matter is damped as its `mass_damping` and `stiffness_damping` say.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -63,7 +65,8 @@ class EngineCapabilities:
         engine steps explicitly and takes `EngineAccuracy.substep_fraction` of it: a scene of which a frame would need
         more than `substep_limit` is then refused before the engine is opened. None: it is not told.
     damping
-        Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to.
+        Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to. What
+        materials say is no part of it.
     """
 
     materials: frozenset[type[Material]]
@@ -87,6 +90,7 @@ class EngineCapabilities:
     pair_contacts: bool = False
     moving_colliders: bool = False
     restitution: bool = False
+    material_damping: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

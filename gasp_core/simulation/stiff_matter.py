@@ -79,11 +79,26 @@ def refuse_too_stiff(
     if needed <= accuracy.substep_limit:
         return
     bodies = _bodies_of(problem, worst)
+    installed = [other for other in others if other.name != descriptor.name]
+    too_many = (
+        f"{descriptor.name} would need {needed:,} substeps of {frame_step / needed:.3g} s for each frame, and"
+        f" substep_limit under [accuracy] is {accuracy.substep_limit:,}: "
+    )
+    undamped = substeps(dataclasses.replace(material, stiffness_damping=0.0)) if _is_damped(material) else needed
+    if undamped <= accuracy.substep_limit:
+        ways = [
+            "say less of it, or mass_damping instead, which costs no steps",
+            _other_engines(problem, worst, installed),
+            "take a coarser resolution, or raise substep_limit",
+        ]
+        raise UnsupportedSceneError(
+            f"{too_many}without the stiffness_damping{_of_objects(bodies, body_names)} it would be {undamped:,}."
+            f" Either {'; or '.join(way for way in ways if way)}"
+        )
     speed = meeting_speed(problem, duration)
     loads = [load_of(problem, body, speed) for body in bodies]
     others_too = [row for row in used if row != worst and substeps(problem.materials[row]) > accuracy.substep_limit]
     rest = [problem.materials[row] for row in used if row != worst and row not in others_too]
-    installed = [other for other in others if other.name != descriptor.name]
     ways = [
         _rigid(problem, worst, descriptor, installed),
         _softer(material, loads, needed, accuracy.substep_limit, partial(substeps, *rest)),
@@ -92,11 +107,13 @@ def refuse_too_stiff(
     ]
     also = "".join(f", and so is{_of_objects(_bodies_of(problem, row), body_names)[3:]}" for row in others_too)
     raise UnsupportedSceneError(
-        f"{descriptor.name} would need {needed:,} substeps of {frame_step / needed:.3g} s for each frame, and"
-        f" substep_limit under [accuracy] is {accuracy.substep_limit:,}: {_told(material)}"
-        f"{_of_objects(bodies, body_names)} is that stiff{also if body_names else ''}."
+        f"{too_many}{_told(material)}{_of_objects(bodies, body_names)} is that stiff{also if body_names else ''}."
         f" Either {'; or '.join(way for way in ways if way)}"
     )
+
+
+def _is_damped(material: Material) -> bool:
+    return isinstance(material, (Elastic, NeoHookean)) and material.stiffness_damping > 0
 
 
 def _bodies_of(problem: PointProblem, row: int) -> list[int]:

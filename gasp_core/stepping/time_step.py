@@ -123,7 +123,7 @@ def rest_bound(material: Material, spacing: float) -> float:
     """Largest stable step [s] of an isolated, undeformed point; inf for a material without stiffness.
 
     For a fluid mu = 0 and lambda = K, and the viscous force alone would bear rho dx^2 / (4 eta (1 + s^2)): both rates
-    add.
+    add. For a solid with stiffness-proportional damping b a bound h becomes h^2 / (b + sqrt(h^2 + b^2)).
     """
     # D of the quadratic B-spline, and what the kernel's share of the gradient leaves of it.
     inertia = spacing * spacing / (4 * (1 + GRADIENT_SHARE**2))
@@ -136,7 +136,9 @@ def rest_bound(material: Material, spacing: float) -> float:
     viscosity = getattr(material, "viscosity", 0.0)
     if viscosity > 0:
         bound = 1 / (1 / bound + viscosity / (inertia * material.density))
-    return bound
+    damping = getattr(material, "stiffness_damping", 0.0)
+    # With dt k M (dt + 2 b) <= 4 in place of dt k M dt <= 4, since the rate of strain is that of the step before.
+    return bound**2 / (damping + math.hypot(bound, damping)) if damping > 0 else bound
 
 
 def stiffening(deformation_gradients: Array) -> Array:

@@ -53,6 +53,7 @@ EVERYTHING = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    material_damping=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -80,7 +81,7 @@ def engine(name="black-box", **less):
 
 SOLID = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.2}
 MATERIALS = (
-    Elastic(**SOLID),
+    Elastic(**SOLID, stiffness_damping=1e-3),
     Sand(**SOLID),
     Fluid(density=1.0, bulk_modulus=1.0),
     Rigid(density=1.0, restitution=0.5),
@@ -127,6 +128,7 @@ LESS = {
     'knows no contact "slip" (collider 2)': {"contact_conditions": frozenset({ContactCondition.SEPARATE})},
     "knows no colliders that move (collider 2)": {"moving_colliders": False},
     'has no restitution of rigid bodies (object "bear")': {"restitution": False},
+    'damps no elastic (object "bear")': {"material_damping": False},
     'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},
     'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},
     "knows no plane as a region (force field 1)": {"region_shapes": frozenset({BoxShape})},

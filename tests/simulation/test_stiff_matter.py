@@ -51,6 +51,14 @@ def engine(name="explicit", **can):
 RIGID = engine("rigid-bodies", materials=frozenset({Rigid}), stable_step=None)
 IMPLICIT = engine("implicit", materials=frozenset({Elastic}), stable_step=None, unconditionally_stable=True)
 
+DAMPING = engine(
+    "implicit-and-damped",
+    materials=frozenset({Elastic}),
+    stable_step=None,
+    unconditionally_stable=True,
+    material_damping=True,
+)
+
 
 def problem(*materials, height=0.0, **rest):
     """A cube of 0.4 m of each material, as high above the floor."""
@@ -265,3 +273,22 @@ def test_steel_that_is_rigid_falls(steel, tmp_path):
     run = simulate(rigid, "mujoco-flex", tmp_path / "run.gasp")
     assert run.status == "complete"
     assert run.points(2)[:, 2].mean() < run.points(0)[:, 2].mean()
+
+
+def test_damping_that_takes_the_steps_is_named():
+    damped = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3, stiffness_damping=0.5)
+    with pytest.raises(UnsupportedSceneError) as refusal:
+        refuse_too_stiff(
+            problem(damped),
+            engine(material_damping=True),
+            EngineAccuracy(spacing=SPACING, substep_limit=1000),
+            frame_step=0.04,
+            duration=1.0,
+            body_names=["bear"],
+            others=[dataclasses.replace(IMPLICIT, name="gentle"), DAMPING],
+        )
+    said = str(refusal.value)
+    assert re.search(r'without the stiffness_damping of object "bear" it would be \d+\. Either say less of it', said)
+    assert "mass_damping instead" in said
+    assert "take implicit-and-damped, whose steps" in said
+    assert "gentle" not in said

@@ -11,12 +11,25 @@ from collections.abc import Sequence
 
 from gasp_core.contract import EngineDescriptor
 from gasp_core.discovery.hookspecs import hookimpl
-from mutants import advances, company, declarations, flow, flows, knobs, problems, readings, rigid, snow, solvers
+from mutants import (
+    advances,
+    company,
+    damping,
+    declarations,
+    flow,
+    flows,
+    knobs,
+    problems,
+    readings,
+    rigid,
+    snow,
+    solvers,
+)
 from mutants.base import MUTANTS, Mutant
 
 __all__ = ["MUTANTS", "Mutant", "gasp_point_engines"]
 
-MODULES = (problems, solvers, knobs, readings, advances, company, declarations, snow, flow, flows, rigid)
+MODULES = (problems, solvers, knobs, readings, advances, company, damping, declarations, snow, flow, flows, rigid)
 """Importing them fills the catalogue."""
 
 

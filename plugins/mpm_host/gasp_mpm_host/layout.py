@@ -79,7 +79,11 @@ CROWDING_DECAY = 15
 """Of a fluid, per unit of time."""
 FULLNESS = 16
 """What mass at a node is, of that of a cell full of it, in units of a point's."""
-MATERIAL_WIDTH = 17
+BULK_VISCOSITY = 17
+"""What stands before tr D I where VISCOSITY stands before 2 D: of elastic matter that is damped."""
+MASS_DAMPING = 18
+"""Per unit of time."""
+MATERIAL_WIDTH = 19
 
 KINDS = {
     "elastic": 0,

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Fluid, Foam, Material, Metal, Plasticine, PointProblem, Sand, Snow
+from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
 from gasp_core.stepping.flow import crowding_decay, subgrid_decay
 from gasp_core.stepping.grid import grid_node
 from gasp_core.stepping.mpm import averaged_lame
@@ -90,6 +90,10 @@ def material_table(problem: PointProblem, units: Units) -> Array:
         averaged = averaged_lame(material)
         row[at.LAME] = scale * (getattr(material, "lame_lambda") - averaged)  # noqa: B009
         row[at.MEAN_STIFFNESS] = math.sqrt(scale * material.density / density * averaged)
+        if isinstance(material, Elastic | NeoHookean):
+            damping = material.stiffness_damping / units.time
+            row[at.VISCOSITY], row[at.BULK_VISCOSITY] = damping * row[at.SHEAR], damping * row[at.LAME]
+            row[at.MASS_DAMPING] = material.mass_damping * units.time
         _write_flow(row, material, math.sqrt(2 / 3) * scale, units.time)
     return table.reshape(-1)
 

@@ -130,6 +130,10 @@ def build_model(
             raise SceneError(f"mujoco-flex: MuJoCo refuses the scene: {' '.join(str(error).split())}") from error
     if options.elements == "hexahedra":
         _set_stiffness(compiled, cages, problem, units)
+    # Not as damping of joints, which the compiler takes from no node of a flex.
+    rates = [_mass_damping(cage, problem) * units.time for cage in cages]
+    nodes = sum(map(len, rates))
+    compiled.dof_damping[: 3 * nodes] = np.repeat(np.concatenate([*rates, []]) * compiled.body_mass[1 : 1 + nodes], 3)
     counts = [len(cage.masses) for cage in cages]
     return Model(
         mj=compiled,
@@ -202,7 +206,7 @@ def _add_cage(
     touching = _add_flex(spec, f"{name}_skin", cage.tetrahedra, names, **contact)
     if options.self_collision:
         touching.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_AUTO
-    untouchable = {"contype": 0, "conaffinity": 0, "damping": options.damping / units.time}
+    untouchable = {"contype": 0, "conaffinity": 0}
     if options.elements == "tetrahedra":
         cell_materials = np.repeat(cage.materials, 6)
         for material in np.unique(cage.materials):
@@ -212,10 +216,12 @@ def _add_cage(
             flex = _add_flex(spec, f"{name}_elastic{material}", tetrahedra, names, **untouchable)
             flex.young, flex.poisson = modulus * fraction, _solid(problem, material).poissons_ratio
             flex.elastic3d = 1
+            flex.damping = (options.damping + _solid(problem, material).stiffness_damping) / units.time
         return
     # Any stiffness: `_set_stiffness` replaces it cell by cell.
     flex = spec.add_flex(name=f"{name}_elastic", dim=3, radius=0, **untouchable)
     flex.young, flex.poisson = 1.0, 0.0
+    flex.damping = (options.damping + _common_stiffness_damping(cage, problem)) / units.time
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
     flex.order, flex.cellcount = 1, list(cage.grid.shape)
     full = tuple(side + 1 for side in cage.grid.shape)
@@ -242,6 +248,26 @@ def _solid(problem: PointProblem, material: int) -> Elastic:
     found = problem.materials[material]
     assert isinstance(found, Elastic), found
     return found
+
+
+def _mass_damping(cage: Cage, problem: PointProblem) -> Array:
+    """Of every node (M,) [1/s]: of the matter that it stands for, by mass."""
+    rates = np.array([getattr(material, "mass_damping", 0.0) for material in problem.materials])
+    matter = cage.matter
+    lost = np.asarray(cage.embedding.weights().T @ (matter.masses * rates[matter.materials]))
+    return lost / np.where(cage.masses > 0, cage.masses, 1.0)
+
+
+def _common_stiffness_damping(cage: Cage, problem: PointProblem) -> float:
+    """[s]: MuJoCo has one number for all cells that bend."""
+    found = {_solid(problem, material).stiffness_damping for material in np.unique(cage.materials)}
+    if len(found) > 1:
+        low, high = min(found), max(found)
+        raise SceneError(
+            f"mujoco-flex: materials of one body differ in stiffness_damping ({low:g} and {high:g} s), and cells that"
+            ' bend have one for all: say one number, or elements = "tetrahedra"'
+        )
+    return found.pop()
 
 
 def _set_stiffness(compiled: Any, cages: Sequence[Cage], problem: PointProblem, units: Units) -> None:

@@ -54,7 +54,7 @@ class MujocoOptions:
     body_friction
         Coulomb's coefficient between bodies, >= 0, instead of the scene's; None: the scene's.
     damping
-        Rayleigh's stiffness-proportional damping of soft bodies [s], >= 0.
+        Rayleigh's stiffness-proportional damping of all soft bodies [s], >= 0, beside that of their materials.
     """
 
     cells: int = 0
@@ -106,6 +106,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 iterates=True,
                 checkpoints=True,
                 unconditionally_stable=True,
+                material_damping=True,
             ),
             factory="gasp_mujoco_flex.engine:MujocoFlex",
             options=MujocoOptions,

@@ -26,6 +26,7 @@ __all__ = [
     "snow_hardening",
     "snow_projection",
     "viscoplastic_projection",
+    "viscous_stress",
     "von_mises_projection",
 ]
 
@@ -78,6 +79,13 @@ def neo_hookean_stress(deformation: Array, mu: float, lame: float) -> Array:
     log_ratio = log_volume_ratio(deformation)
     shear = deformation @ _transposed(deformation) - _IDENTITY
     return mu * shear + (lame * log_ratio)[:, None, None] * _IDENTITY
+
+
+def viscous_stress(velocity_gradient: Array, mu: float, lame: float, damping: float) -> Array:
+    """Kelvin's and Voigt's, tau = b (2 mu D + lambda tr(D) I): D is the symmetric part of L (N, 3, 3) [1/s], b [s]."""
+    rate = velocity_gradient + _transposed(velocity_gradient)
+    dilation_rate = np.trace(velocity_gradient, axis1=1, axis2=2)
+    return damping * (mu * rate + lame * dilation_rate[:, None, None] * _IDENTITY)
 
 
 def hencky_stress(deformation: Array, mu: float, lame: float) -> Array:

@@ -26,6 +26,7 @@ from gasp_reference_mpm.constitutive import (
     snow_hardening,
     snow_projection,
     viscoplastic_projection,
+    viscous_stress,
     von_mises_projection,
 )
 from gasp_reference_mpm.transfer import Stencil, local_means
@@ -38,8 +39,9 @@ Array = NDArray[Any]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matter:
     """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, whose matter
-    carries each tracer, (M,), the rows of what flows, (K,), how fast its sub-grid velocities decay, (K,) [1/s], and how
-    fast the volume ratio of fluids falls where they are crowded, (N,) [1/s]."""
+    carries each tracer, (M,), the rows of what flows, (K,), how fast its sub-grid velocities decay, (K,) [1/s], how
+    fast the volume ratio of fluids falls where they are crowded, (N,) [1/s], and all velocities by the material's own
+    damping, (N,) [1/s]."""
 
     masses: Array
     volumes: Array
@@ -48,6 +50,7 @@ class Matter:
     flowing: Array
     subgrid_decays: Array
     crowding_decays: Array
+    mass_damping: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +97,7 @@ def matter_of(problem: PointProblem, spacing: float) -> Matter:
         flowing=flowing,
         subgrid_decays=np.array([decays[index] for index in ids[flowing]]),
         crowding_decays=np.array([crowdings[index] for index in ids]),
+        mass_damping=np.array([getattr(one, "mass_damping", 0.0) for one in problem.materials])[ids],
     )
 
 
@@ -101,10 +105,12 @@ def _law_stress(material: Material, deformation: Array, velocity_gradient: Array
     match material:
         case Elastic():
             own = material.lame_lambda - averaged_lame(material)
-            return fixed_corotated_stress(deformation, material.shear_modulus, own)
+            elastic = fixed_corotated_stress(deformation, material.shear_modulus, own)
+            return elastic + viscous_stress(velocity_gradient, material.shear_modulus, own, material.stiffness_damping)
         case NeoHookean():
             own = material.lame_lambda - averaged_lame(material)
-            return neo_hookean_stress(deformation, material.shear_modulus, own)
+            elastic = neo_hookean_stress(deformation, material.shear_modulus, own)
+            return elastic + viscous_stress(velocity_gradient, material.shear_modulus, own, material.stiffness_damping)
         case Sand():
             return hencky_stress(deformation, material.shear_modulus, material.lame_lambda)
         case Metal() | Plasticine() | Foam():

@@ -48,6 +48,7 @@ CAPABILITIES = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    material_damping=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),

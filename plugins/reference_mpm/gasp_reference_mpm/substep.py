@@ -107,10 +107,11 @@ def substep(
                 problem.points.body_ids[flowing],
                 step,
             )
+    kept = 1 / (1 + step * matter.mass_damping)
     moved = Motion(
         positions=motion.positions + step * advancing,
-        velocities=advancing,
-        affine_velocities=affine_velocities,
+        velocities=kept[:, None] * advancing,
+        affine_velocities=kept[:, None, None] * affine_velocities,
         velocity_gradients=velocity_gradients,
         deformations=deformations,
         history=history,

@@ -264,6 +264,13 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         if ti.static(has_neo_hookean):
             if ti.static(alone) or kind == is_neo_hookean:
                 stress, dilation = neo_hookean(G, mu, lame)
+        if ti.static(has_elastic or has_neo_hookean):
+            if kind <= is_neo_hookean:
+                # Kelvin's and Voigt's damping; both are nought where there is none.
+                stress += ti.cast(materials[row + at.VISCOSITY], real) * (L + L.transpose())
+                pull = ti.cast(materials[row + at.BULK_VISCOSITY], real) * L.trace()
+                for d in ti.static(range(3)):
+                    stress[d, d] += pull
         if ti.static(has_sand):
             if ti.static(alone) or kind == is_sand:
                 G, new_history, stress = sand(G, history, mu, lame, ti.cast(materials[row + at.CONE], real))

@@ -135,10 +135,11 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                         history -= (1 + history) * shrinking / (1 + shrinking)
         kept = points[r + words.VELOCITY]
         # Whole rows in one go, before anything branches: what is stored as vectors of four is computed as such.
-        overwrite(points, r + words.VELOCITY, ti.cast(V, real))
-        overwrite(points, r + words.AFFINE, ti.cast(CX, real))
-        overwrite(points, r + words.AFFINE + 1, ti.cast(CY, real))
-        overwrite(points, r + words.AFFINE + 2, ti.cast(CZ, real))
+        damped = 1.0 / (1.0 + materials[row + at.MASS_DAMPING] * batch[words.STEP])
+        overwrite(points, r + words.VELOCITY, ti.cast(damped * V, real))
+        overwrite(points, r + words.AFFINE, ti.cast(damped * CX, real))
+        overwrite(points, r + words.AFFINE + 1, ti.cast(damped * CY, real))
+        overwrite(points, r + words.AFFINE + 2, ti.cast(damped * CZ, real))
         shift = dt
         if ti.static("fluid" in kinds):
             # A fluid knows its volume alone.

@@ -306,6 +306,13 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
         if has_neo_hookean:
             if alone or kind == is_neo_hookean:
                 stress, dilation = neo_hookean(G, mu, lame)
+        if has_elastic or has_neo_hookean:
+            if kind <= is_neo_hookean:
+                # Kelvin's and Voigt's damping; both are nought where there is none.
+                stress = stress + real(materials[row + at.VISCOSITY]) * (L + wp.transpose(L))
+                pull = real(materials[row + at.BULK_VISCOSITY]) * wp.trace(L)
+                for d in range(3):
+                    stress[d, d] += pull
         if has_sand:
             if alone or kind == is_sand:
                 G, new_history, stress = sand(G, history, mu, lame, real(materials[row + at.CONE]))

@@ -82,7 +82,7 @@ def make_kernels(
     stress_of = make_response(double, kinds, advance=False)
     with_unseen = make_subgrid(double, averaged, "fluid" in kinds, atomic=atomic, native=native).with_unseen
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
-    zero, vec3 = real(0.0), algebra(real).vec3
+    zero, one, vec3 = real(0.0), real(1.0), algebra(real).vec3
     no_pool, no_corner = wp.uint64(0), wp.vec3i()
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
@@ -120,7 +120,6 @@ def make_kernels(
         )
         write_stress(s.points, o, tau, dilation)
         write9(s.points, o + at.DEFORMATION, F)
-        write9(s.points, o + at.AFFINE, C)
         s.points[o + at.HISTORY] = gain
         u = wp.vec3d(v)
         if flows:
@@ -140,8 +139,10 @@ def make_kernels(
                     place[d] = acting.wall_high[d] + stand[d]
                     v[d] = wp.min(v[d], zero)
                     s.report[CLAMPED] = 1
+        kept = one / (one + real(s.materials[material_row(s, p) + at.MASS_DAMPING] * s.step))
         for d in range(3):
-            s.points[o + at.VELOCITY + d] = v[d]
+            s.points[o + at.VELOCITY + d] = kept * v[d]
+        write9(s.points, o + at.AFFINE, kept * C)
         s.x[p] = place
         # Written so that NaN fails it: a point that is nowhere must not be scattered either.
         near = int(0)

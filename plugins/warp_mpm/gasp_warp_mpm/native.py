@@ -27,7 +27,7 @@ GROUP = 8
 
 _NAMES = (
     *("VELOCITY", "AFFINE", "MASS", "STRESS", "HISTORY", "DEFORMATION", "MEAN_PRESSURE", "POINT_WIDTH"),
-    *("HOME", "LABEL_WIDTH", "SHEAR", "LAME"),
+    *("HOME", "LABEL_WIDTH", "SHEAR", "LAME", "VISCOSITY", "BULK_VISCOSITY", "MASS_DAMPING"),
 )
 
 _PRELUDE = (
@@ -170,6 +170,8 @@ _MOVE = """
     REAL* const points = (REAL*)s.points.data + (index)begin * POINT_WIDTH;
     const int* const labels = (const int*)s.labels.data + (index)begin * LABEL_WIDTH;
     flag4 near = (flag4)-1;
+    const double* const material = (const double*)s.materials.data + row;
+    const line kept = (REAL)(1 / (1 + material[MASS_DAMPING] * s.step));
     for (int l = 0; l < GROUP; ++l) {
         const int p = begin + l;
         const int* const home = labels + l * LABEL_WIDTH + HOME;
@@ -195,7 +197,7 @@ _MOVE = """
         const place4 drift = to - 0.5 - __builtin_convertvector(((cell4){home[0], home[1], home[2], 0}), place4);
         near &= (drift >= -1.0) & (drift < 2.0);
         // v, then the rows of C, without gaps.
-        const line all = __builtin_shufflevector(
+        const line all = kept * __builtin_shufflevector(
             __builtin_shufflevector(v, cx, 0,1,2,3,4,5,6,7), __builtin_shufflevector(cy, cz, 0,1,2,3,4,5,6,7),
             0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15);
         REAL* const row = points + l * POINT_WIDTH + VELOCITY;
@@ -245,15 +247,17 @@ _MOVE = """
     for (int r = 0; r < 3; ++r)
         for (int c = 0; c < 3; ++c)
             G[3 * r + c] = F[3 * r + c] + step * (L[r] * F[c] + L[4 + r] * F[3 + c] + L[8 + r] * F[6 + c]);
-    const double* const material = (const double*)s.materials.data + row;
     const REAL mu = (REAL)material[SHEAR], lame = (REAL)material[LAME];
     cofactors(G, K);
     const lanes J = G[0] * K[0] + G[1] * K[1] + G[2] * K[2];
     lanes part[9], diagonal, dilation;
     flags settled = (flags)-1;
     RESPOND
-    lanes S[6];
-    #define ENTRY(r, c) (part[3*r] * G[3*c] + part[3*r+1] * G[3*c+1] + part[3*r+2] * G[3*c+2])
+    // Kelvin's and Voigt's damping; both are nought where there is none.
+    const REAL eta = (REAL)material[VISCOSITY];
+    diagonal += (REAL)material[BULK_VISCOSITY] * (L[0] + L[5] + L[10]);
+    #define ENTRY(r, c) (part[3*r] * G[3*c] + part[3*r+1] * G[3*c+1] + part[3*r+2] * G[3*c+2] \
+        + eta * (L[r + 4*c] + L[c + 4*r]))
     write(ENTRY(0, 0) + diagonal, ENTRY(1, 1) + diagonal, ENTRY(2, 2) + diagonal, ENTRY(0, 1), points + STRESS);
     write(ENTRY(0, 2), ENTRY(1, 2), dilation, H, points + STRESS + 4);
     #undef ENTRY

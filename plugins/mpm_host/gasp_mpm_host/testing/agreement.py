@@ -244,6 +244,8 @@ class AgreementTests:
                     ("foam", "plasticine", "elastic"),
                     ("sand", "elastic", "fluid"),
                     ("gel", "rubber", "elastic"),
+                    ("putty",),
+                    ("cork", "sand", "putty"),
                     ("lead", "gel"),
                 )
             ),

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.contract import Collider, Elastic, HalfSpace, Material, PointState, Status, StepReport
+from gasp_core.contract import Collider, Elastic, HalfSpace, Material, NeoHookean, PointState, Status, StepReport
+from gasp_core.stepping.time_step import rest_bound
 from gasp_mpm_host.testing.kit import FLOOR, Kit
 
 __all__ = ["ExtremesTests"]
@@ -63,6 +64,18 @@ class ExtremesTests:
         # What the start brought and gravity released, by how far the block has really fallen.
         released = 0.5 * 1.0**2 + 9.81 * (kit.block(0.4, corner=(0, 0, 0.01)) - positions)[:, 2].mean()
         assert 0.5 * (state.velocities**2).sum(axis=1).mean() <= 1.02 * released
+
+    @pytest.mark.parametrize("kind", [Elastic, NeoHookean])
+    @pytest.mark.parametrize("stable_steps", [0.1, 1.0, 30.0])
+    def test_damping_of_any_strength_is_stable(self, kit, kind, stable_steps):
+        plain = {"density": 1000.0, "youngs_modulus": 1e4, "poissons_ratio": 0.45}
+        damping = stable_steps * rest_bound(kind(**plain), 0.1)
+        material = kind(**plain, stiffness_damping=damping, mass_damping=0.5 / damping)
+        report, positions, state = _drop(kit, material, duration=0.03, gravity=0.0)
+        assert report.status is Status.OK
+        assert np.isfinite(positions).all()
+        assert 0.5 * (state.velocities**2).sum(axis=1).mean() < 0.5 * 1.0**2
+        assert np.abs(np.linalg.det(state.deformation_gradients) - 1).max() < 0.5
 
     def test_ten_times_the_speed_of_sound(self, kit):
         material = Elastic(density=1000.0, youngs_modulus=1e4, poissons_ratio=0.3)

@@ -54,6 +54,12 @@ _MATERIALS: Mapping[str, Material] = MappingProxyType(
         # Nearly incompressible, of different weight and stiffness: the mean dilation is one of both where they meet.
         "rubber": Elastic(density=900.0, youngs_modulus=1e5, poissons_ratio=0.49),
         "gel": NeoHookean(density=1200.0, youngs_modulus=5e4, poissons_ratio=0.47),
+        "putty": Elastic(
+            density=1000.0, youngs_modulus=5e4, poissons_ratio=0.45, mass_damping=3.0, stiffness_damping=5e-4
+        ),
+        "cork": NeoHookean(
+            density=400.0, youngs_modulus=5e4, poissons_ratio=0.2, mass_damping=2.0, stiffness_damping=2e-4
+        ),
         "lead": Metal(density=1100.0, youngs_modulus=1e5, poissons_ratio=0.47, yield_stress=2e3),
     }
 )
@@ -81,7 +87,7 @@ class Kit:
     rows: Callable[[MpmSession], Rows]
     nodes: Callable[[MpmSession], int]
     materials: ClassVar[Mapping[str, Material]] = _MATERIALS
-    """One of every kind, and some that are nearly incompressible, by what they are called here."""
+    """One of every kind, some that are nearly incompressible, some that are damped, by what they are called here."""
     everything: ClassVar[frozenset[Field]] = _EVERYTHING
     """Fields of the points."""
 
