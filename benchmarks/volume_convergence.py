@@ -2,7 +2,7 @@
 
     GASP_DATA=... python benchmarks/volume_convergence.py [--only massa ...] [--grids 24 32 48 64] [--all 48]
                                                           [--variant drop|rest|held|thrown]
-                                                          [--substep-fraction F] [--out FOLDER]
+                                                          [--substep-fraction F] [--mass-damping A] [--out FOLDER]
 
 Each run is a process of its own, whose processor time is that of the whole, splat and body read or found included. The
 first table has the cost, the mass, and how far the object tilts; the second how far apart runs are, over all vertices
@@ -10,7 +10,8 @@ and frames, in percent of the diagonal, and what the best rigid fit of each fram
 
 Variants tell what keeps runs apart: "drop", from 2 cm; "rest", put on the floor; "held", its lowest tenth pinned, so
 that nothing bounces, slides or rocks; "thrown", on the floor with the velocity that the drop would have given it.
-What the integrator damps grows with the number of substeps: a fraction tells how much of the motion it decides.
+What the integrator damps grows with the number of substeps: a fraction tells how much of the motion it decides, and
+damping of the material how much is left of that where matter comes to rest by itself.
 """
 
 import argparse
@@ -46,9 +47,10 @@ region = {{ shape = "box", center = [0, 0, 0], half_extents = [9, 9, {HEIGHT / 1
 """
 
 
-def scene_text(name, mode, cells, variant, youngs_modulus, duration, substep_fraction=None):
+def scene_text(name, mode, cells, variant, youngs_modulus, duration, substep_fraction=None, mass_damping=0.0):
     fraction = "" if substep_fraction is None else f"substep_fraction = {substep_fraction}"
     height, velocity = VARIANTS[variant]
+    numbers = f"density = 400, youngs_modulus = {youngs_modulus}, poissons_ratio = 0.3, mass_damping = {mass_damping}"
     return f"""collider = [{{ shape = "plane", height = 0.0, friction = 0.4 }}]
 [scene]
 duration = {duration}
@@ -59,7 +61,7 @@ splat = "{DATA / FILES[name]}"
 height = {HEIGHT}
 position = [0, 0, {height}]
 velocity = [0, 0, {velocity:.4f}]
-material = {{ model = "elastic", density = 400, youngs_modulus = {youngs_modulus}, poissons_ratio = 0.3 }}
+material = {{ model = "elastic", {numbers} }}
 reduction = {{ mode = "{mode}" }}
 [accuracy]
 resolution = {cells}
@@ -72,7 +74,7 @@ def carried_out(folder, name, mode, cells, arguments):
     path = folder / f"{name}-{mode}-{cells}-{arguments.variant}.gasp"
     scene = path.with_suffix(".toml")
     options = (arguments.variant, arguments.youngs_modulus, arguments.duration, arguments.substep_fraction)
-    scene.write_text(scene_text(name, mode, cells, *options))
+    scene.write_text(scene_text(name, mode, cells, *options, arguments.mass_damping))
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     finished = subprocess.run(
         [GASP, "run", scene, "--out", path, "--overwrite"], capture_output=True, text=True, check=False
@@ -132,6 +134,7 @@ def main():
     parser.add_argument("--all", nargs="*", type=int, default=[], help="Grids for every vertex, as in the paper.")
     parser.add_argument("--variant", choices=VARIANTS, default="drop")
     parser.add_argument("--youngs-modulus", type=float, default=2e5)
+    parser.add_argument("--mass-damping", type=float, default=0.0, help="Of the material, in 1/s.")
     parser.add_argument("--duration", type=float, default=1.0)
     parser.add_argument("--substep-fraction", type=float, help="Of the largest stable step; else the engine's own.")
     parser.add_argument("--out", type=Path, help="Where recordings are kept.")

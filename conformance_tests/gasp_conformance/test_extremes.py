@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from gasp_conformance import extreme_cases as cases
+from gasp_conformance import impact_cases
 from gasp_conformance.bounds import rounding, unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.random_batch import run_batch
 from gasp_conformance.subject import Subject, Undeclared
 from gasp_conformance.watched_runs import WatchedRun
-from gasp_core.contract import DomainPolicy, EngineAccuracy, PointCloud, Status
+from gasp_core.contract import DomainPolicy, Elastic, EngineAccuracy, Metal, NeoHookean, PointCloud, Status
 from gasp_core.errors import SceneError
 
 QUICK_SCENES = 40
@@ -107,7 +108,7 @@ def test_density_ratio(subject: Subject, ledger: Ledger) -> None:
 
 @check("speed", Level.EXTREMES)
 def test_speed(subject: Subject, ledger: Ledger) -> None:
-    """Ten times its own speed of sound does not carry matter out of a cage."""
+    """Ten times its own speed of sound does not carry matter out of a cage; it may be crushed there, and say so."""
     missing: list[str] = []
     for name, cage in cases.cages().items():
         try:
@@ -115,13 +116,30 @@ def test_speed(subject: Subject, ledger: Ledger) -> None:
         except Undeclared as error:
             missing.append(str(error))
             continue
-        _done(f"a block in {name}", run)
+        _sound(f"a block in {name}", run)
+        assert run.finished or run.status is Status.CRUSHED, f"a block in {name}: ended with {run.ending}"
         # Walls act at nodes: matter is held where the nodes within its reach, a cell and a half of a quadratic spline,
         # are all beyond the wall; less than a cell beyond it. A domain's edge is where points themselves are held.
         room = 0.5 if name == "walls" else rounding(subject, 1) * cases.CAGE_HIGH
         ledger.at_most(f"speed, {name}", "points beyond [m]", max(0.0, float(beyond.max())), room)
     if len(missing) == len(cases.cages()):
         raise Undeclared("; ".join(missing))
+
+
+@check("impact", Level.EXTREMES)
+@pytest.mark.parametrize("kind", [Elastic, NeoHookean, Metal], ids=lambda kind: kind.kind)
+def test_impact(subject: Subject, ledger: Ledger, kind: type[Elastic] | type[NeoHookean] | type[Metal]) -> None:
+    """What meets a floor at 1, 3 and 10 times the speed of sound comes back, or ends the run: never well, and flat."""
+    plain = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
+    material = Metal(**plain, yield_stress=2e3, hardening=1e4) if kind is Metal else kind(**plain)
+    for mach in (1.0, 3.0, 10.0):
+        impact, case = impact_cases.block_meets_floor(subject, material, mach), f"{kind.kind} at {mach:g} c"
+        _sound(case, impact.run)
+        ledger.at_most(case, "kinetic energy / that of throw and fall", impact.energy, 1 + rounding(subject, 100))
+        if impact.run.finished:
+            # A twentieth of its side is a fifth of a cell: it is there, and seen.
+            ledger.at_least(case, "thickness / side", impact.thickness, 0.05)
+            ledger.at_most(case, "share of points crushed", impact.crushed, 0.1)
 
 
 @check("scale", Level.EXTREMES)

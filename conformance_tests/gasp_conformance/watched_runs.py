@@ -130,6 +130,8 @@ def _measure(problem: PointProblem, accuracy: EngineAccuracy, times: Sequence[fl
         watch,
         diagonal=max(watch.diagonal, accuracy.spacing_for(problem.points.size)),
         kinetic_energy=watch.kinetic_energy + hidden,
+        # As volume ratios: flat may be what a scene makes of a body, and pass.
+        thicknesses=np.full_like(watch.thicknesses, math.inf),
     )
 
 

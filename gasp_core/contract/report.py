@@ -28,6 +28,8 @@ class Status(Enum):
         A point left a domain with `DomainPolicy.STOP`, or has gone further than the engine can follow.
     NOT_CONVERGED
         A solve has not come to its tolerance within its iterations.
+    CRUSHED
+        Elastic matter was pressed flat or turned inside out, and has no shape left to come back to.
     SUBSTEP_LIMIT
         The advance would take more substeps than `EngineAccuracy.substep_limit` allows.
     """
@@ -37,6 +39,7 @@ class Status(Enum):
     ENERGY_GREW = "energy_grew"
     OUT_OF_DOMAIN = "out_of_domain"
     NOT_CONVERGED = "not_converged"
+    CRUSHED = "crushed"
     SUBSTEP_LIMIT = "substep_limit"
 
 

@@ -23,6 +23,7 @@ from gasp_core.contract import (
     ForceField,
     Impulse,
     Material,
+    Metal,
     NeoHookean,
     Pinned,
     PointProblem,
@@ -38,6 +39,7 @@ __all__ = [
     "Watch",
     "drive_speed",
     "excess_displacement",
+    "flattened",
     "inspect",
     "kinetic_energy",
     "non_finite_rows",
@@ -45,6 +47,7 @@ __all__ = [
     "released_potential",
     "sound_speed",
     "stretched_out",
+    "thickness",
     "watch_over",
     "work_starts",
 ]
@@ -58,6 +61,9 @@ _VOLUME_RATIOS = (0.05, 20.0)
 _STRETCHED_SHARE = 0.01
 """Of the elastic points. A few torn-off points far outside the range are an ugly film; a hundredth of a body is a
 blow-up on its way."""
+_PLANE = 1e-3
+_FLATTEST = 0.02
+"""Of its thickness at the start: a body that is flatter, as a whole, is no longer one."""
 _INVISIBLE = 1e-4
 """A motion of this fraction of the size within a frame is not seen, nor its energy minded."""
 
@@ -76,6 +82,8 @@ class Watch:
     masses : (N,) [kg]
     elastic : (N,) bool
         Points whose deformation gradient is that of an elastic solid. What flows or yields may end at any ratio.
+    thicknesses : (B,) [m]
+        Of each body that keeps its shape, along its thinnest direction, at the start; infinite for the others.
     kinetic_energy
         At the start [J].
     diagonal
@@ -89,6 +97,7 @@ class Watch:
     problem: PointProblem
     masses: Array
     elastic: Array
+    thicknesses: Array
     kinetic_energy: float
     diagonal: float
     frame_step: float
@@ -129,13 +138,21 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
         index for index, material in enumerate(problem.materials) if isinstance(material, (Elastic, NeoHookean))
     ]
     diagonal = 0.0
+    shapely = [isinstance(material, Elastic | NeoHookean | Metal) for material in problem.materials]
+    thicknesses = np.full(int(points.body_ids.max()) + 1, math.inf)
     for body in np.unique(points.body_ids):
-        own = points.reference_positions[points.body_ids == body]
+        rows = points.body_ids == body
+        own = points.reference_positions[rows]
+        thick = thickness(own)
+        # A plane has no thickness that it could lose.
+        if all(shapely[index] for index in np.unique(points.material_ids[rows])) and thick > _PLANE * np.ptp(own):
+            thicknesses[body] = thick
         diagonal = max(diagonal, float(np.linalg.norm(np.ptp(own, axis=0))))
     return Watch(
         problem=problem,
         masses=masses,
         elastic=np.isin(points.material_ids, elastic_ids),
+        thicknesses=thicknesses,
         kinetic_energy=kinetic_energy(masses, points.initial_velocities),
         diagonal=diagonal,
         frame_step=frame_step,
@@ -220,6 +237,28 @@ def stretched_out(determinants: Array, elastic: Array) -> Array:
     """Mask (N,) of elastic points whose volume ratio is outside 0.05..20."""
     low, high = _VOLUME_RATIOS
     return elastic & ~((determinants >= low) & (determinants <= high))
+
+
+def thickness(positions: Array) -> float:
+    """Of a cloud (N, 3) [m] along its thinnest direction: that of a slab of the same second moment."""
+    arms = positions - positions.mean(axis=0)
+    return math.sqrt(12 * max(float(np.linalg.eigvalsh(arms.T @ arms / len(arms))[0]), 0.0))
+
+
+def flattened(watch: Watch, positions: Array) -> str:
+    """One sentence where a body, its points at positions (N, 3) [m], is next to a plane; else nothing.
+
+    For engines that show no deformation gradient, and laws of which it is not all.
+    """
+    bodies = watch.problem.points.body_ids
+    for body in np.flatnonzero(np.isfinite(watch.thicknesses)):
+        thick = thickness(positions[bodies == body])
+        if not thick > _FLATTEST * watch.thicknesses[body]:
+            return (
+                f"body {body} is pressed flat: it is {thick:.3g} m thick, {watch.thicknesses[body]:.3g} m at the start;"
+                " slow it down, or make it stiffer or rigid"
+            )
+    return ""
 
 
 def sound_speed(material: Material) -> float:
@@ -309,11 +348,16 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
         stretched = int(stretched_out(determinants, watch.elastic).sum())
         if stretched > _STRETCHED_SHARE * max(int(watch.elastic.sum()), 1):
             low, high = _VOLUME_RATIOS
-            status = Status.NOT_CONVERGED
+            pressed = int((determinants[watch.elastic] < low).sum())
+            status = Status.CRUSHED if 2 * pressed > stretched else Status.NOT_CONVERGED
             reason = (
                 f"{stretched} elastic points are at less than {low:g} or more than {high:g} times their volume:"
                 " the material is too soft for its load, or the run is unstable"
             )
+    flat = flattened(watch, now.positions)
+    # What flies through itself is flat for a moment.
+    if flat and flattened(watch, before.positions):
+        status, reason = Status.CRUSHED, flat
     bound = _energy_bound(watch, released)
     if energy is not None and now.time <= watch.work_start and not energy <= bound:
         status = Status.ENERGY_GREW

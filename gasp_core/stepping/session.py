@@ -14,16 +14,33 @@ from typing import Any, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import DomainPolicy, EngineAccuracy, Impulse, PointProblem, Status, StepReport
+from gasp_core.contract import (
+    DomainPolicy,
+    Elastic,
+    EngineAccuracy,
+    Impulse,
+    NeoHookean,
+    PointProblem,
+    Status,
+    StepReport,
+)
 from gasp_core.stepping.time_step import event_times
 
-__all__ = ["SteppedSession", "StoppedError", "impulse_change"]
+__all__ = ["CRUSHED_VOLUME", "SteppedSession", "StoppedError", "impulse_change"]
 
 Array = NDArray[Any]
 Held = TypeVar("Held")
 
 _NAMED = 5
 """How many points a message names."""
+
+CRUSHED_VOLUME = 1e-3
+"""The volume ratio det F up to which a point of elastic matter counts as crushed, as does what is inside out.
+
+A law that reaches no volume at a finite energy, as the fixed-corotated one does, bears an impact at about the speed of
+sound; what comes faster is flat for good (`benchmarks/impacts.py`)."""
+_CRUSHED_SHARE = 0.1
+"""Of elastic points; what fewer do is a wound in a body that is still one."""
 
 
 class StoppedError(Exception):
@@ -95,6 +112,8 @@ class SteppedSession(ABC, Generic[Held]):
         self._notes = tuple(notes)
         self._events = event_times(problem.drives, problem.force_fields)
         self._steps: list[tuple[int, float]] = []
+        springs = [isinstance(material, Elastic | NeoHookean) for material in problem.materials]
+        self._elastic_count = int(np.array(springs, dtype=np.bool_)[problem.points.material_ids].sum())
 
     @property
     def time(self) -> float:
@@ -206,6 +225,16 @@ class SteppedSession(ABC, Generic[Held]):
                 Status.NON_FINITE,
                 f"{int((~finite).sum())} point(s) are no longer finite, first {first}, with substeps of {step:.3g} s:"
                 " lower substep_fraction, or check the scene's forces",
+            )
+
+    def refuse_crushed(self, count: int, step: float) -> None:
+        """Stop where `count` elastic points, after steps of `step` [s], are at `CRUSHED_VOLUME` or below."""
+        elastic = self._elastic_count
+        if count > _CRUSHED_SHARE * elastic:
+            raise StoppedError(
+                Status.CRUSHED,
+                f"{count:,} of {elastic:,} elastic points are flat or inside out after substeps of {step:.3g} s:"
+                " what meets faster than sound in it is crushed; slow it down, raise youngs_modulus, or make it rigid",
             )
 
     def refuse_outside(self, positions: Array) -> None:

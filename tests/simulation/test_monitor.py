@@ -12,6 +12,7 @@ from gasp_core.simulation.monitor import (
     FASTER_THAN_SOUND,
     drive_speed,
     excess_displacement,
+    flattened,
     inspect,
     kinetic_energy,
     non_finite_rows,
@@ -29,17 +30,21 @@ STEP = 0.04
 EVERYWHERE = SphereShape(center=(0, 0, 0), radius=100)
 
 
-def problem(material=JELLY, velocity=(0.0, 0.0, 0.0), drives=(), fields=(), gravity=(0.0, 0.0, -9.81)):
-    rng = np.random.default_rng(0)
-    count = 500
-    cloud = PointCloud(
-        reference_positions=rng.uniform(size=(count, 3)),
+def cloud(positions, velocity=(0.0, 0.0, 0.0)):
+    count = len(positions)
+    return PointCloud(
+        reference_positions=positions,
         initial_velocities=np.tile(velocity, (count, 1)),
         reference_volumes=np.full(count, 1 / count),
         material_ids=np.zeros(count),
         body_ids=np.zeros(count),
     )
-    return PointProblem(points=cloud, materials=(material,), drives=drives, force_fields=fields, gravity=gravity)
+
+
+def problem(material=JELLY, velocity=(0.0, 0.0, 0.0), drives=(), fields=(), gravity=(0.0, 0.0, -9.81)):
+    rng = np.random.default_rng(0)
+    points = cloud(rng.uniform(size=(500, 3)), velocity)
+    return PointProblem(points=points, materials=(material,), drives=drives, force_fields=fields, gravity=gravity)
 
 
 def flown(problem, time):
@@ -172,9 +177,47 @@ def test_volume_ratios_of_elastic_points():
         found = verdict(case, before, changed(now, deformation_gradients=gradients))
         assert (found.stretched, found.inverted) == (count + 1, 1)
         assert found.status is (status if count + 1 <= 5 else Status.NOT_CONVERGED)
+    gradients = np.array(now.deformation_gradients)
+    gradients[:4] *= 3.0
+    gradients[4:10] *= 0.1
+    assert verdict(case, before, changed(now, deformation_gradients=gradients)).status is Status.CRUSHED
     water = problem(material=WATER)
     found = verdict(water, before, changed(now, deformation_gradients=gradients))
     assert (found.status, found.stretched) == (Status.OK, 0)
+
+
+def test_a_body_that_stays_flat_is_crushed_whatever_its_gradients_say():
+    case = problem()
+    before, now = flown(case, 0.0), flown(case, STEP)
+    pressed = changed(now, positions=now.positions * [1, 1, 0.015], velocities=None, deformation_gradients=None)
+    assert verdict(case, before, pressed).status is Status.OK
+    later = changed(pressed, time=2 * STEP)
+    found = verdict(case, pressed, later)
+    assert found.status is Status.CRUSHED
+    assert "body 0 is pressed flat: it is 0.01" in found.reason
+    thicker = changed(later, positions=now.positions * [1, 1, 0.03])
+    assert verdict(case, pressed, thicker).status is Status.OK
+    # A rod that coils up has its thickness still; water has none to lose.
+    assert not flattened(watch_over(problem(material=WATER), STEP), pressed.positions)
+
+
+def test_a_rod_that_coils_up_is_not_flat():
+    along = np.linspace(0, 2 * np.pi, 400)
+    rng = np.random.default_rng(1)
+    across = rng.uniform(-0.05, 0.05, (400, 2))
+    rod = np.column_stack([along, across])
+    ring = np.column_stack([(1 + across[:, 0]) * np.cos(along), (1 + across[:, 0]) * np.sin(along), across[:, 1]])
+    case = problem()
+    watch = watch_over(dataclasses.replace(case, points=cloud(rod)), STEP)
+    assert watch.thicknesses[0] == pytest.approx(0.1, rel=0.1)
+    assert not flattened(watch, ring)
+
+
+def test_what_is_a_plane_at_the_start_has_no_thickness_to_lose():
+    case = problem()
+    plane = np.array(case.points.reference_positions)
+    plane[:, 2] = 0.3
+    assert np.isinf(watch_over(dataclasses.replace(case, points=cloud(plane)), STEP).thicknesses).all()
 
 
 def test_stretch_counts_what_is_not_a_number():

@@ -190,3 +190,12 @@ def test_a_closed_session_has_given_back_once_and_says_so() -> None:
 def test_a_verdict_keeps_its_status_and_reason() -> None:
     stopped = StoppedError(Status.NOT_CONVERGED, "why")
     assert (stopped.status, stopped.reason, str(stopped)) == (Status.NOT_CONVERGED, "why", "why")
+
+
+def test_a_body_of_which_a_tenth_is_crushed_ends_the_run() -> None:
+    session = _session()
+    elastic = len(session.read(frozenset()).positions)
+    session.refuse_crushed(elastic // 10, 0.01)
+    with pytest.raises(StoppedError, match=f"{elastic // 10 + 1} of {elastic} elastic points are flat") as stopped:
+        session.refuse_crushed(elastic // 10 + 1, 0.01)
+    assert stopped.value.status is Status.CRUSHED

@@ -107,6 +107,17 @@ class ThirdAxisForgotten(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _flat_gather}
 
 
+def _whatever(*_: Any) -> None:
+    return None
+
+
+@mutant("crushed-and-well", {"impact[elastic]": "share of points crushed"})
+class CrushedAndWell(InsideOut):
+    """Matter that is flat, and without energy, is as good as any."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.ReferenceSession.refuse_crushed": _whatever}
+
+
 def _step_of_stiffness(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy) -> float:
     return accuracy.substep or accuracy.substep_fraction * limits.stress
 

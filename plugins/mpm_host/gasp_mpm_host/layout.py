@@ -106,7 +106,9 @@ SURVEY_LOW = 5
 SURVEY_HIGH = 8
 SURVEY_DRIFT = 11
 """How far, in cells and along one axis, a point is outside its home."""
-SURVEY_WIDTH = 12
+SURVEY_CRUSHED = 12
+"""Elastic points at `stepping.session.CRUSHED_VOLUME` or below."""
+SURVEY_WIDTH = 13
 SURVEY_CHUNK = 1024
 
 TOUCH = 1e-3

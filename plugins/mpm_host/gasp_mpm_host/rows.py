@@ -156,6 +156,8 @@ class Survey:
         Largest |v| [m/s] and |C| [1/s].
     inverted
         Points whose deformation gradient has a determinant <= 0.
+    crushed
+        Elastic points at `gasp_core.stepping.session.CRUSHED_VOLUME` or below.
     low, high : (3,) [m]
         The points' bounding box.
     drift
@@ -167,6 +169,7 @@ class Survey:
     speed: float
     velocity_gradient: float
     inverted: int
+    crushed: int
     low: Array
     high: Array
     drift: float
@@ -184,6 +187,7 @@ class Survey:
             speed=math.sqrt(speed) * units.speed,
             velocity_gradient=math.sqrt(gradient) / units.time,
             inverted=int(chart[:, at.SURVEY_INVERTED].sum()),
+            crushed=int(chart[:, at.SURVEY_CRUSHED].sum()),
             low=units.world(chart[:, at.SURVEY_LOW : at.SURVEY_LOW + 3].min(axis=0)),
             high=units.world(chart[:, at.SURVEY_HIGH : at.SURVEY_HIGH + 3].max(axis=0)),
             drift=float(chart[:, at.SURVEY_DRIFT].max()),

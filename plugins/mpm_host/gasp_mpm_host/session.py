@@ -308,6 +308,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             self.refuse_lost(step, cloud.positions(), cloud.velocities(), cloud.deformation_gradients())
             raise StoppedError(Status.NON_FINITE, f"the state is no longer finite, with substeps of {step:.3g} s")
         self._inverted = max(self._inverted, survey.inverted)
+        self.refuse_crushed(survey.crushed, step)
         leap = survey.speed * step / self._units.spacing
         if leap > 1:
             raise StoppedError(

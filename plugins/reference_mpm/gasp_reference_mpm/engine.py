@@ -73,6 +73,7 @@ class ReferenceMpm:
                 velocity_gradients=affine,
                 deformations=np.tile(np.eye(3), (len(positions), 1, 1)),
                 history=np.zeros(len(positions)),
+                shock_pressures=np.zeros(len(positions)),
                 tracers=np.zeros((0, 3)) if tracers is None else tracers - origin,
             )
         return ReferenceSession(problem, matter, motion, origin, spacing, accuracy, time, rigid)
@@ -87,6 +88,7 @@ def _restored(checkpoint: Mapping[str, Array], points: PointCloud) -> tuple[floa
         "velocity_gradients": (count, 3, 3),
         "deformations": (count, 3, 3),
         "history": (count,),
+        "shock_pressures": (count,),
         "tracers": np.shape(np.zeros((0, 3)) if points.tracer_positions is None else points.tracer_positions),
     }
     arrays = checkpoint_arrays(checkpoint, {"time": (), **shapes}, "reference-mpm")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean, Plasticine, PointProblem, Sand, Snow
 from gasp_core.stepping.flow import crowding_decay, is_flowing, subgrid_decay
 from gasp_core.stepping.mpm import averaged_lame
+from gasp_core.stepping.shock import SHOCK_VISCOSITY
 from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_reference_mpm.constitutive import (
@@ -31,25 +32,45 @@ from gasp_reference_mpm.constitutive import (
 )
 from gasp_reference_mpm.transfer import Stencil, local_means
 
-__all__ = ["Matter", "Motion", "deformed", "kirchhoff_stress", "matter_of", "stable_step"]
+__all__ = ["Matter", "Motion", "deformed", "kirchhoff_stress", "matter_of", "shock_pressures", "stable_step"]
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matter:
-    """What does not change: masses (N,) [kg], volumes at rest (N,) [m^3], the rows each material owns, whose matter
-    carries each tracer, (M,), the rows of what flows, (K,), how fast its sub-grid velocities decay, (K,) [1/s], how
-    fast the volume ratio of fluids falls where they are crowded, (N,) [1/s], and all velocities by the material's own
-    damping, (N,) [1/s]."""
+    """What does not change.
+
+    Parameters
+    ----------
+    masses : (N,) [kg]
+    volumes : (N,) [m^3]
+        At rest.
+    portions
+        Each material with the rows that it owns.
+    tracer_bodies : (M,)
+        Whose matter carries each tracer.
+    elastic, flowing : (L,), (K,)
+        Rows of what is elastic alone, and of what flows.
+    subgrid_decays : (K,) [1/s]
+        How fast sub-grid velocities of what flows fade.
+    crowding_decays : (N,) [1/s]
+        How fast the volume ratio of fluids falls where they are crowded.
+    shock_viscosities : (N,) [kg/m]
+        c^2 rho dx^2 of the bulk viscosity that stops shocks; nought where there is none.
+    mass_damping : (N,) [1/s]
+        How fast all velocities fall by the material's own damping.
+    """
 
     masses: Array
     volumes: Array
     portions: tuple[tuple[Material, Array], ...]
     tracer_bodies: Array
+    elastic: Array
     flowing: Array
     subgrid_decays: Array
     crowding_decays: Array
+    shock_viscosities: Array
     mass_damping: Array
 
 
@@ -70,6 +91,8 @@ class Motion:
     history : (N,)
         What matter remembers of its flow beside F. Sand: the logarithm of the volume ratio it gained while loose. Snow:
         ln J_P. Metal and plasticine: equivalent plastic strain. Nothing else remembers anything.
+    shock_pressures : (N,) [Pa]
+        What a shock adds to the pressure (`gasp_core.stepping.shock`).
     tracers : (M, 3) [m]
         Massless points that are carried along.
     """
@@ -80,23 +103,28 @@ class Motion:
     velocity_gradients: Array
     deformations: Array
     history: Array
+    shock_pressures: Array
     tracers: Array
 
 
 def matter_of(problem: PointProblem, spacing: float) -> Matter:
     """Masses, volumes and material rows of a problem on a grid of `spacing` [m]."""
     ids = problem.points.material_ids
-    flowing = np.flatnonzero(np.array([is_flowing(one) for one in problem.materials])[ids])
+    flows = np.array([is_flowing(one) for one in problem.materials])[ids]
+    flowing = np.flatnonzero(flows)
     decays = {index: subgrid_decay(problem.materials[index], spacing) for index in np.unique(ids[flowing])}
     crowdings = {index: crowding_decay(problem, index, spacing) for index in np.unique(ids)}
+    volumes = problem.points.reference_volumes
     return Matter(
         masses=problem.masses,
-        volumes=problem.points.reference_volumes,
+        volumes=volumes,
         portions=tuple((problem.materials[index], np.flatnonzero(ids == index)) for index in np.unique(ids)),
         tracer_bodies=tracer_bodies(problem.points),
+        elastic=np.flatnonzero(~flows),
         flowing=flowing,
         subgrid_decays=np.array([decays[index] for index in ids[flowing]]),
         crowding_decays=np.array([crowdings[index] for index in ids]),
+        shock_viscosities=SHOCK_VISCOSITY * spacing**2 * np.where(flows, 0.0, problem.masses / volumes),
         mass_damping=np.array([getattr(one, "mass_damping", 0.0) for one in problem.materials])[ids],
     )
 
@@ -132,7 +160,7 @@ def kirchhoff_stress(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
         stress[rows] = _law_stress(
             material, motion.deformations[rows], motion.velocity_gradients[rows], motion.history[rows]
         )
-    stress += _mean_pressure(matter, motion, stencil)[:, None, None] * np.eye(3)
+    stress += (_mean_pressure(matter, motion, stencil) - motion.shock_pressures)[:, None, None] * np.eye(3)
     return stress
 
 
@@ -214,6 +242,12 @@ def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: fl
             case _:
                 pass
     return deformations, history
+
+
+def shock_pressures(matter: Matter, velocity_gradients: Array, step: float) -> Array:
+    """What a shock adds to the pressure, (N,) [Pa], of velocity gradients L (N, 3, 3) [1/s] in a step [s]."""
+    pressing = np.maximum(-np.trace(velocity_gradients, axis1=1, axis2=2), 0.0)
+    return matter.shock_viscosities * pressing * np.minimum(pressing, 1 / (12 * SHOCK_VISCOSITY * step))
 
 
 def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.stepping.rigid.side import RigidSide
-from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
+from gasp_core.stepping.session import CRUSHED_VOLUME, SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_reference_mpm.grid import grid_excess
 from gasp_reference_mpm.material_points import Matter, Motion, stable_step
@@ -112,6 +112,7 @@ class ReferenceSession(SteppedSession[Motion]):
             "velocity_gradients": motion.velocity_gradients.copy(),
             "deformations": motion.deformations.copy(),
             "history": motion.history.copy(),
+            "shock_pressures": motion.shock_pressures.copy(),
             "tracers": motion.tracers.copy(),
         }
 
@@ -206,4 +207,6 @@ class ReferenceSession(SteppedSession[Motion]):
         if excess:
             raise StoppedError(Status.OUT_OF_DOMAIN, f"at {self._time:.6g} s {excess}")
         if step:
-            self._inverted = max(self._inverted, int((np.linalg.det(motion.deformations) <= 0).sum()))
+            volumes = np.linalg.det(motion.deformations)
+            self._inverted = max(self._inverted, int((volumes <= 0).sum()))
+            self.refuse_crushed(int((volumes[self._matter.elastic] <= CRUSHED_VOLUME).sum()), step)

@@ -11,7 +11,7 @@ from gasp_core.contract import DomainPolicy, PointProblem
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_reference_mpm.bodies import looked, met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
-from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress
+from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress, shock_pressures
 from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.subgrid import subgrid_velocities, with_room
 from gasp_reference_mpm.transfer import carried, gather, reaching, scatter, stencil_around
@@ -115,6 +115,7 @@ def substep(
         velocity_gradients=velocity_gradients,
         deformations=deformations,
         history=history,
+        shock_pressures=shock_pressures(matter, velocity_gradients, step),
         tracers=tracers,
     )
     return moved, separation, held_back

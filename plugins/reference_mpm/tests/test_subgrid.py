@@ -35,6 +35,7 @@ def scene(material, count=200, crowd=1.0):
         velocity_gradients=affine,
         deformations=np.tile(np.eye(3), (count, 1, 1)),
         history=np.zeros(count),
+        shock_pressures=np.zeros(count),
         tracers=np.zeros((0, 3)),
     )
     stencil = stencil_around(positions, SPACING, cloud.body_ids)

@@ -11,6 +11,7 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.shock import SHOCK_VISCOSITY
 from gasp_taichi_mpm.decompositions import cofactors, determinant_with, proper_frames, rotation_of, singular_columns
 from gasp_taichi_mpm.runtime import taichi as ti
 
@@ -266,9 +267,12 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                 stress, dilation = neo_hookean(G, mu, lame)
         if ti.static(has_elastic or has_neo_hookean):
             if kind <= is_neo_hookean:
-                # Kelvin's and Voigt's damping; both are nought where there is none.
+                # Kelvin's and Voigt's damping, nought where there is none; and what stops shocks.
                 stress += ti.cast(materials[row + at.VISCOSITY], real) * (L + L.transpose())
-                pull = ti.cast(materials[row + at.BULK_VISCOSITY], real) * L.trace()
+                spread = L.trace()
+                pull = ti.cast(materials[row + at.BULK_VISCOSITY], real) * spread
+                if spread < 0 and dt > 0:
+                    pull += spread * ti.min(-real(4 * SHOCK_VISCOSITY) * spread, 1 / (3 * dt))
                 for d in ti.static(range(3)):
                     stress[d, d] += pull
         if ti.static(has_sand):

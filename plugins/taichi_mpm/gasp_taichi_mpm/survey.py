@@ -5,6 +5,7 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.session import CRUSHED_VOLUME
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.motion import columns
 from gasp_taichi_mpm.nodes import stand_of
@@ -41,7 +42,7 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
         for chunk in range((control[words.POINTS] + at.SURVEY_CHUNK - 1) // at.SURVEY_CHUNK):
             stiffness, speed, gradient = ti.f64(0.0), ti.f64(0.0), ti.f64(0.0)
             drift = ti.f64(0.0)
-            bad, inverted = 0, 0
+            bad, inverted, crushed = 0, 0, 0
             begin = chunk * at.SURVEY_CHUNK
             low = ti.Vector([ti.f64(1e300), ti.f64(1e300), ti.f64(1e300)])
             high = -low
@@ -91,6 +92,8 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                     gradient = ti.max(gradient, C.norm_sqr())
                     if J <= 0:
                         inverted += 1
+                    if kind <= ti.static(at.KINDS["neo-hookean"]) and ti.f64(CRUSHED_VOLUME) >= J:
+                        crushed += 1
                     for d in ti.static(range(3)):
                         beyond = x[p][d] - 0.5 - labels[p * at.LABEL_WIDTH + at.HOME + d]
                         drift = ti.max(drift, -beyond, beyond - 1.0)
@@ -103,6 +106,7 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
             result[o + at.SURVEY_DRIFT] = drift
             result[o + at.SURVEY_BAD] = bad
             result[o + at.SURVEY_INVERTED] = inverted
+            result[o + at.SURVEY_CRUSHED] = crushed
             for d in ti.static(range(3)):
                 result[o + at.SURVEY_LOW + d] = low[d]
                 result[o + at.SURVEY_HIGH + d] = high[d]

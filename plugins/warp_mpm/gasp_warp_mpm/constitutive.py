@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.shock import SHOCK_VISCOSITY
 from gasp_warp_mpm.decompositions import algebra, make_decompositions
 
 __all__ = ["make_response"]
@@ -39,6 +40,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
     cosine = real(1e-15 if double else 1e-7)
     zero, one, two, three, seven = (real(value) for value in (0.0, 1.0, 2.0, 3.0, 7.0))
     twenty_one, thirty_five = real(21.0), real(35.0)
+    shock_viscosity = real(4 * SHOCK_VISCOSITY)
     smallest_volume, smallest_stretch, tiny = real(0.05), real(at.SMALLEST_STRETCH), real(1e-30)
     lowest, highest = real(-0.9), real(9.0)
     countable, least_countable = wp.float64(1e-3), wp.float64(1e-12)
@@ -308,9 +310,12 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
                 stress, dilation = neo_hookean(G, mu, lame)
         if has_elastic or has_neo_hookean:
             if kind <= is_neo_hookean:
-                # Kelvin's and Voigt's damping; both are nought where there is none.
+                # Kelvin's and Voigt's damping, nought where there is none; and what stops shocks.
                 stress = stress + real(materials[row + at.VISCOSITY]) * (L + wp.transpose(L))
-                pull = real(materials[row + at.BULK_VISCOSITY]) * wp.trace(L)
+                spread = wp.trace(L)
+                pull = real(materials[row + at.BULK_VISCOSITY]) * spread
+                if spread < zero and dt > zero:
+                    pull += spread * wp.min(-shock_viscosity * spread, one / (three * dt))
                 for d in range(3):
                     stress[d, d] += pull
         if has_sand:

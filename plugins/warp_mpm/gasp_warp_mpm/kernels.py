@@ -154,14 +154,14 @@ def make_kernels(
             s.report[DRIFTED] = 1
 
     @wp.func
-    def find_stress(s: Tables, p: int):
-        """The stress that belongs to a point as it is, its velocity gradient taken for C."""
+    def find_stress(s: Tables, p: int, step: real):
+        """The stress that belongs to a point as it is after a step, its velocity gradient taken for C."""
         o = p * at.POINT_WIDTH
         _F, _gain, tau, dilation = stress_of(
             row9(s.points, o + at.DEFORMATION),
             row9(s.points, o + at.AFFINE),
             s.points[o + at.HISTORY],
-            zero,
+            step,
             s.materials,
             material_row(s, p),
         )
@@ -201,7 +201,7 @@ def make_kernels(
         elif left > 0:
             for lane in range(GROUP):
                 if (left >> lane) & 1 == 1:
-                    find_stress(s, begin + lane)
+                    find_stress(s, begin + lane, real(s.step))
 
     @wp.func
     def scatter_tile(s: Tables, begin: int, end: int):
@@ -344,7 +344,7 @@ def make_kernels(
     @wp.kernel(module=module, enable_backward=False)
     def strain(s: Tables):
         """The stress that belongs to a point as it is, its velocity gradient taken for C."""
-        find_stress(s, wp.tid())
+        find_stress(s, wp.tid(), zero)
 
     # ---- order ------------------------------------------------------------------------------------------------------
 

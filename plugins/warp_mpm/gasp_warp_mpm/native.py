@@ -24,7 +24,6 @@ __all__ = ["GROUP", "make_native"]
 GROUP = 8
 """Points whose stress is computed at once, a lane each."""
 
-
 _NAMES = (
     *("VELOCITY", "AFFINE", "MASS", "STRESS", "HISTORY", "DEFORMATION", "MEAN_PRESSURE", "POINT_WIDTH"),
     *("HOME", "LABEL_WIDTH", "SHEAR", "LAME", "VISCOSITY", "BULK_VISCOSITY", "MASS_DAMPING"),
@@ -253,9 +252,11 @@ _MOVE = """
     lanes part[9], diagonal, dilation;
     flags settled = (flags)-1;
     RESPOND
-    // Kelvin's and Voigt's damping; both are nought where there is none.
+    // Kelvin's and Voigt's damping, nought where there is none; and what stops shocks.
     const REAL eta = (REAL)material[VISCOSITY];
-    diagonal += (REAL)material[BULK_VISCOSITY] * (L[0] + L[5] + L[10]);
+    const lanes spread = L[0] + L[5] + L[10], pressing = __builtin_elementwise_max(-spread, (lanes)(REAL)0);
+    diagonal += (REAL)material[BULK_VISCOSITY] * spread
+        - pressing * __builtin_elementwise_min(SHOCK * pressing, (lanes)(1 / (3 * step)));
     #define ENTRY(r, c) (part[3*r] * G[3*c] + part[3*r+1] * G[3*c+1] + part[3*r+2] * G[3*c+2] \
         + eta * (L[r + 4*c] + L[c + 4*r]))
     write(ENTRY(0, 0) + diagonal, ENTRY(1, 1) + diagonal, ENTRY(2, 2) + diagonal, ENTRY(0, 1), points + STRESS);

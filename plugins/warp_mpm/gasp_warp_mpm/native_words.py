@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from gasp_core.stepping.mpm import GRADIENT_SHARE
+from gasp_core.stepping.shock import SHOCK_VISCOSITY
 
 __all__ = ["PRECISION_WORDS", "SHARED_WORDS"]
 
@@ -38,6 +39,7 @@ SHARED_WORDS: Mapping[str, str] = MappingProxyType(
         "SMALLEST_VOLUME": "0.05",
         "FOLDED": f"(REAL){1 - GRADIENT_SHARE!r}",
         "SHARED": f"(REAL){-GRADIENT_SHARE / 4!r}",
+        "SHOCK": f"(REAL){4 * SHOCK_VISCOSITY!r}",
         "SHARE": f"(REAL){GRADIENT_SHARE!r}",
     }
 )

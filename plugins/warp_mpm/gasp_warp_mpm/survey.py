@@ -8,6 +8,7 @@ from typing import Any
 import warp as wp
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.session import CRUSHED_VOLUME
 from gasp_warp_mpm.tables import stand_of, tables_of
 
 __all__ = ["make_survey"]
@@ -19,7 +20,9 @@ def make_survey(double: bool, module: Any) -> Any:
     real = wp.float64 if double else wp.float32
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
-    is_fluid, is_snow, first_hencky = at.KINDS["fluid"], at.KINDS["snow"], at.KINDS["metal"]
+    is_neo_hookean, is_fluid = at.KINDS["neo-hookean"], at.KINDS["fluid"]
+    is_snow, first_hencky = at.KINDS["snow"], at.KINDS["metal"]
+    crushed_volume = wp.float64(CRUSHED_VOLUME)
     zero, half, one, two, three = (wp.float64(value) for value in (0.0, 0.5, 1.0, 2.0, 3.0))
     least_square, least_gap = wp.float64(1e-200), wp.float64(1e-9)
     greatest_exponent = wp.float64(200.0)
@@ -81,6 +84,7 @@ def make_survey(double: bool, module: Any) -> Any:
         drift = wp.float64(0.0)
         bad = int(0)
         inverted = int(0)
+        crushed = int(0)
         low = wp.vec3d(wp.float64(1e300))
         high = -low
         for p in range(begin, wp.min(begin + at.SURVEY_CHUNK, s.count)):
@@ -102,6 +106,8 @@ def make_survey(double: bool, module: Any) -> Any:
                 gradient = wp.max(gradient, wp.ddot(C, C))
                 if J <= zero:
                     inverted += 1
+                if kind <= is_neo_hookean and J <= crushed_volume:
+                    crushed += 1
                 for d in range(3):
                     beyond = s.x[p][d] - half - wp.float64(s.labels[p * at.LABEL_WIDTH + at.HOME + d])
                     drift = wp.max(drift, wp.max(-beyond, beyond - one))
@@ -116,6 +122,7 @@ def make_survey(double: bool, module: Any) -> Any:
         chart[o + at.SURVEY_DRIFT] = drift
         chart[o + at.SURVEY_BAD] = wp.float64(bad)
         chart[o + at.SURVEY_INVERTED] = wp.float64(inverted)
+        chart[o + at.SURVEY_CRUSHED] = wp.float64(crushed)
         for d in range(3):
             chart[o + at.SURVEY_LOW + d] = low[d]
             chart[o + at.SURVEY_HIGH + d] = high[d]
