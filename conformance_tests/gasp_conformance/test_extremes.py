@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gasp_conformance import extreme_cases as cases
-from gasp_conformance import impact_cases
+from gasp_conformance import impact_cases, slow_cases
 from gasp_conformance.bounds import rounding, unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
@@ -140,6 +140,16 @@ def test_impact(subject: Subject, ledger: Ledger, kind: type[Elastic] | type[Neo
             # A twentieth of its side is a fifth of a cell: it is there, and seen.
             ledger.at_least(case, "thickness / side", impact.thickness, 0.05)
             ledger.at_most(case, "share of points crushed", impact.crushed, 0.1)
+
+
+@check("slow-load", Level.EXTREMES)
+def test_slow_load(subject: Subject, ledger: Ledger) -> None:
+    """A bar that is drawn out next to nothing in every step is strained all the same, and swings back when let go."""
+    drawn = slow_cases.bar_is_drawn_slowly(subject)
+    # Where it is held is known to half a cell, and it is strained unevenly around there.
+    if not np.isnan(drawn.by_gradients):
+        ledger.at_most("slow load", "strain by F / by places - 1", drawn.by_gradients - 1, 0.5 / slow_cases.CELLS)
+    ledger.at_least("slow load", "swing to the other side / way drawn", drawn.swing, 1 - 0.5 / slow_cases.CELLS)
 
 
 @check("scale", Level.EXTREMES)

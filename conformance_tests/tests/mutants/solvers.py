@@ -9,6 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 from gasp_reference_mpm.boundary import collided
+from gasp_reference_mpm.material_points import deformed
 from gasp_reference_mpm.transfer import gather
 from numpy.typing import NDArray
 
@@ -107,15 +108,34 @@ class ThirdAxisForgotten(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _flat_gather}
 
 
+def _in_single_precision(*arguments: Any) -> tuple[Array, Array]:
+    deformations, history = deformed(*arguments)
+    return deformations.astype(np.float32).astype(np.float64), history
+
+
+@mutant("gradients-in-single-precision", {"slow-load": "strain by F / by places"})
+class GradientsInSinglePrecision(InsideOut):
+    """F is kept in float32, beside 1."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.deformed": _in_single_precision}
+
+
 def _whatever(*_: Any) -> None:
     return None
 
 
-@mutant("crushed-and-well", {"impact[elastic]": "share of points crushed"})
-class CrushedAndWell(InsideOut):
-    """Matter that is flat, and without energy, is as good as any."""
+def _no_shock(matter: Any, *_: Any) -> Array:
+    return np.zeros(len(matter.masses))
 
-    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.ReferenceSession.refuse_crushed": _whatever}
+
+@mutant("crushed-and-well", {"impact[elastic]": "thickness / side|share of points crushed"})
+class CrushedAndWell(InsideOut):
+    """Nothing stops a shock, and matter that is flat and without energy is as good as any."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {
+        "session.ReferenceSession.refuse_crushed": _whatever,
+        "substep.shock_pressures": _no_shock,
+    }
 
 
 def _step_of_stiffness(limits: MotionLimits, spacing: float, accuracy: EngineAccuracy) -> float:

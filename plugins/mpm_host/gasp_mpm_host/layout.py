@@ -16,13 +16,15 @@ DILATION = 19
 HISTORY = 20
 """What matter remembers beside F. Sand: the logarithm of the volume it gained in the projection. Snow: ln J_P. Metal,
 plasticine: equivalent plastic strain. Fluid: J - 1, which keeps the digits that J loses in float32."""
-DEFORMATION = 21
+DISPLACEMENT_GRADIENT = 21
+"""F - I, (3, 3): beside I the increments of a slow load would round away in float32. What stands upright keeps all of
+its digits; what is turned, those of F."""
 MEAN_PRESSURE = 30
 """What the mean dilation adds to the stress in the step that is being done; nothing is kept in it."""
 HALF_SIDE = 31
 """Of the cube that a point stands for at rest [cells]."""
 POINT_WIDTH = 32
-LAYOUT = 3
+LAYOUT = 4
 """Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""
 
 # One point's row of integers.

@@ -52,7 +52,6 @@ class Rows:
         points = np.zeros((len(cloud), at.POINT_WIDTH), dtype=real)
         points[:, at.VELOCITY : at.VELOCITY + 3] = cloud.initial_velocities / units.speed
         points[:, at.MASS] = problem.masses / units.mass
-        points[:, at.DEFORMATION : at.DEFORMATION + 9] = np.eye(3).reshape(-1)
         points[:, at.HALF_SIDE] = 0.5 * np.cbrt(cloud.reference_volumes) / units.spacing
         labels = np.zeros((len(cloud), at.LABEL_WIDTH), dtype=np.int32)
         labels[:, at.MATERIAL] = cloud.material_ids
@@ -128,7 +127,8 @@ class Rows:
 
     def deformation_gradients(self, fluids: Array) -> Array:
         """(N, 3, 3), in the given order; J^(1/3) I where `fluids`, by material, says that it is one."""
-        found = self.points[:, at.DEFORMATION : at.DEFORMATION + 9].astype(np.float64).reshape(-1, 3, 3)
+        first = at.DISPLACEMENT_GRADIENT
+        found = self.points[:, first : first + 9].astype(np.float64).reshape(-1, 3, 3) + np.eye(3)
         fluid = fluids[self.labels[:, at.MATERIAL]]
         gains = self.points[fluid, at.HISTORY].astype(np.float64)
         found[fluid] = np.cbrt(1 + gains)[:, None, None] * np.eye(3)

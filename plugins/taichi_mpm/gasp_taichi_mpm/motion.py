@@ -60,7 +60,7 @@ def make_strain(real: Any, kinds: frozenset[str]) -> Callable[..., None]:
     def strain_point(points: ti.template(), labels: ti.template(), materials: ti.template(), p):
         r = (p & words.POINT_BITS) * words.POINT_ROWS
         L = columns(points, r + words.AFFINE)
-        F = columns(points, r + words.DEFORMATION)
+        F = columns(points, r + words.DISPLACEMENT_GRADIENT) + ti.Matrix.identity(real, 3)
         history = points[r + words.HISTORY][3]
         row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
         F, _, tau, dilation = stress_of(F, L, history, real(0.0), materials, row)
@@ -146,19 +146,22 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
             shift *= ti.cast(ti.cast(materials[row + at.KIND], ti.i32) != ti.static(at.KINDS["fluid"]), real)
         BX, BY, BZ = ti.cast(LX, real), ti.cast(LY, real), ti.cast(LZ, real)
         for c in ti.static(range(3)):
-            F = points[r + words.DEFORMATION + c]
-            overwrite(points, r + words.DEFORMATION + c, F + shift * (BX * F[0] + BY * F[1] + BZ * F[2]))
+            H = points[r + words.DISPLACEMENT_GRADIENT + c]
+            B = BX if ti.static(c == 0) else BY if ti.static(c == 1) else BZ
+            rate = B + (BX * H[0] + BY * H[1] + BZ * H[2])
+            overwrite(points, r + words.DISPLACEMENT_GRADIENT + c, H + shift * rate)
         if control[words.SEEDING] == 1:
             points[r + words.VELOCITY] = kept
         else:
             L = ti.Matrix([[BX[0], BY[0], BZ[0]], [BX[1], BY[1], BZ[1]], [BX[2], BY[2], BZ[2]]])
-            G = columns(points, r + words.DEFORMATION)
-            G, history, tau, dilation = advance(G, L, history, dt, materials, row)
+            F = columns(points, r + words.DISPLACEMENT_GRADIENT) + ti.Matrix.identity(real, 3)
+            G, history, tau, dilation = advance(F, L, history, dt, materials, row)
             write_response(points, r, tau, dilation, history)
             if ti.static(flows):
                 for c in ti.static(range(3)):
                     for d in ti.static(range(3)):
-                        points[r + words.DEFORMATION + c][d] = G[d, c]
+                        # Nothing but what flowed: F - I keeps the digits that F has not.
+                        points[r + words.DISPLACEMENT_GRADIENT + c][d] += G[d, c] - F[d, c]
             u = ti.Vector([V[0], V[1], V[2]])
             if ti.static(yields):
                 kind = ti.cast(materials[row + at.KIND], ti.i32)

@@ -22,7 +22,8 @@ def _places() -> Array:
     places[words.AFFINE : words.AFFINE + 3, :3] = at.AFFINE + np.arange(9).reshape(3, 3).T
     # xx, yy, zz, xy, xz, yz
     places[words.STRESS : words.STRESS + 3, :3] = at.STRESS + np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-    places[words.DEFORMATION : words.DEFORMATION + 3, :3] = at.DEFORMATION + np.arange(9).reshape(3, 3).T
+    gradient = words.DISPLACEMENT_GRADIENT
+    places[gradient : gradient + 3, :3] = at.DISPLACEMENT_GRADIENT + np.arange(9).reshape(3, 3).T
     places[words.DILATION, 3] = at.DILATION
     places[words.HISTORY, 3] = at.HISTORY
     places[words.MASS, 3] = at.MASS

@@ -84,7 +84,7 @@ def _shape_of(points: ti.template(), labels: ti.template(), materials: ti.templa
     """(s/2)^2 F F^T of what a point stands for, and its volume, to a common factor."""
     r = p * words.POINT_ROWS
     side = ti.cast(points[r + words.HALF_SIDE][3], ti.f64)
-    F = ti.cast(columns(points, r + words.DEFORMATION), ti.f64)
+    F = ti.cast(columns(points, r + words.DISPLACEMENT_GRADIENT), ti.f64) + ti.Matrix.identity(ti.f64, 3)
     J = F.determinant()
     square = (side * side) * (F @ F.transpose())
     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH

@@ -31,7 +31,8 @@ def make_boundless(real: Any) -> Callable[..., Any]:
 def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any) -> Callable[..., None]:
     """The kernel, for points of `real` numbers and arrays of these types."""
     boundless, boundless_place = make_boundless(real), make_boundless(ti.f64)
-    watched = [words.VELOCITY, *(words.AFFINE + c for c in range(3)), *(words.DEFORMATION + c for c in range(3))]
+    gradients = (words.AFFINE, words.DISPLACEMENT_GRADIENT)
+    watched = [words.VELOCITY, *(first + c for first in gradients for c in range(3))]
 
     @ti.kernel
     def survey(
@@ -51,7 +52,7 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                 speeds = ti.cast(points[r + words.VELOCITY], ti.f64)
                 v = ti.Vector([speeds[0], speeds[1], speeds[2]])
                 C = ti.cast(columns(points, r + words.AFFINE), ti.f64)
-                F = ti.cast(columns(points, r + words.DEFORMATION), ti.f64)
+                F = ti.cast(columns(points, r + words.DISPLACEMENT_GRADIENT), ti.f64) + ti.Matrix.identity(ti.f64, 3)
                 history = ti.cast(points[r + words.HISTORY][3], ti.f64)
                 home = labels[p * at.LABEL_WIDTH + at.HOME]
                 place = x[p] - ti.cast(stand_of(met, control, home - control[words.LOWER]), ti.f64)

@@ -15,7 +15,7 @@ AFFINE = 1
 """The columns of C, three rows."""
 STRESS = 4
 """The columns of the scaled Kirchhoff stress, three rows."""
-DEFORMATION = 7
+DISPLACEMENT_GRADIENT = 7
 """The columns of F, three rows."""
 POINT_ROWS = 10
 # The fourth places, as (row, 3).

@@ -21,10 +21,10 @@ __all__ = ["make_response"]
 
 @cache
 def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
-    """Warp function (F, L, history, dt, materials, row) -> (F, history, stress, dilation) for the kinds present.
+    """Warp function (H, L, history, dt, materials, row) -> (H, history, stress, dilation) for the kinds present.
 
-    With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it gives the
-    stress as things are.
+    H is F - I. With `advance` it moves F by dt L and applies the material's floors and return mapping; without, it
+    gives the stress as things are.
     """
     real = wp.float64 if double else wp.float32
     types = algebra(real)
@@ -41,6 +41,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
     zero, one, two, three, seven = (real(value) for value in (0.0, 1.0, 2.0, 3.0, 7.0))
     twenty_one, thirty_five = real(21.0), real(35.0)
     shock_viscosity = real(4 * SHOCK_VISCOSITY)
+    unit = mat33(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     smallest_volume, smallest_stretch, tiny = real(0.05), real(at.SMALLEST_STRETCH), real(1e-30)
     lowest, highest = real(-0.9), real(9.0)
     countable, least_countable = wp.float64(1e-3), wp.float64(1e-12)
@@ -55,6 +56,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
     )
     is_elastic, is_neo_hookean, is_sand, is_fluid, is_snow, is_metal, is_plasticine, is_foam = at.KINDS.values()
     has_ductile = has_metal or has_plasticine
+    plastic = has_sand or has_snow or has_ductile or has_foam
 
     @wp.func
     def elastic(F: mat33, mu: real, lame: real):
@@ -292,22 +294,24 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
         return G, new_history, stress
 
     @wp.func
-    def respond(F: mat33, L: mat33, history: real, dt: real, materials: wp.array(dtype=wp.float64), row: int):
+    def respond(before: mat33, L: mat33, history: real, dt: real, materials: wp.array(dtype=wp.float64), row: int):
         kind = int(materials[row + at.KIND])
         mu = real(materials[row + at.SHEAR])
         lame = real(materials[row + at.LAME])
-        G = F * one
+        H = before * one
         if advance:
-            G = F + dt * (L @ F)
+            H = before + dt * (L + L @ before)
+        F = H + unit
+        G = F * one
         stress = mat33()
         dilation = real(0.0)
         new_history = history * one
         if has_elastic:
             if alone or kind == is_elastic:
-                stress, dilation = elastic(G, mu, lame)
+                stress, dilation = elastic(F, mu, lame)
         if has_neo_hookean:
             if alone or kind == is_neo_hookean:
-                stress, dilation = neo_hookean(G, mu, lame)
+                stress, dilation = neo_hookean(F, mu, lame)
         if has_elastic or has_neo_hookean:
             if kind <= is_neo_hookean:
                 # Kelvin's and Voigt's damping, nought where there is none; and what stops shocks.
@@ -320,17 +324,20 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
                     stress[d, d] += pull
         if has_sand:
             if alone or kind == is_sand:
-                G, new_history, stress = sand(G, history, mu, lame, real(materials[row + at.CONE]))
+                G, new_history, stress = sand(F, history, mu, lame, real(materials[row + at.CONE]))
         if has_snow:
             if alone or kind == is_snow:
-                G, new_history, stress = snow(G, history, mu, lame, materials, row)
+                G, new_history, stress = snow(F, history, mu, lame, materials, row)
         if has_ductile or has_foam:
             if alone or kind == is_metal or kind == is_plasticine or kind == is_foam:
-                G, new_history, stress, dilation = hencky(G, history, dt, mu, lame, materials, row, kind)
+                G, new_history, stress, dilation = hencky(F, history, dt, mu, lame, materials, row, kind)
         if has_fluid:
             if alone or kind == is_fluid:
-                G = F * one
+                H = before * one
                 new_history, stress = fluid(L, history, dt, lame, real(materials[row + at.VISCOSITY]))
-        return G, new_history, stress, dilation
+        if plastic:
+            # Nothing but what flowed: H keeps the digits that F has not.
+            H = H + (G - F)
+        return H, new_history, stress, dilation
 
     return respond

@@ -110,8 +110,8 @@ def make_kernels(
                 yields = 1
                 aside = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
                 v, C, history = with_unseen(s, acting, drive_set, p, s.x[p] - aside, v, C, L)
-        F, gain, tau, dilation = advance(
-            row9(s.points, o + at.DEFORMATION),
+        H, gain, tau, dilation = advance(
+            row9(s.points, o + at.DISPLACEMENT_GRADIENT),
             L,
             history,
             real(s.step),
@@ -119,7 +119,7 @@ def make_kernels(
             material_row(s, p),
         )
         write_stress(s.points, o, tau, dilation)
-        write9(s.points, o + at.DEFORMATION, F)
+        write9(s.points, o + at.DISPLACEMENT_GRADIENT, H)
         s.points[o + at.HISTORY] = gain
         u = wp.vec3d(v)
         if flows:
@@ -157,8 +157,8 @@ def make_kernels(
     def find_stress(s: Tables, p: int, step: real):
         """The stress that belongs to a point as it is after a step, its velocity gradient taken for C."""
         o = p * at.POINT_WIDTH
-        _F, _gain, tau, dilation = stress_of(
-            row9(s.points, o + at.DEFORMATION),
+        _H, _gain, tau, dilation = stress_of(
+            row9(s.points, o + at.DISPLACEMENT_GRADIENT),
             row9(s.points, o + at.AFFINE),
             s.points[o + at.HISTORY],
             step,

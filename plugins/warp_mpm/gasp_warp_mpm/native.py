@@ -25,7 +25,7 @@ GROUP = 8
 """Points whose stress is computed at once, a lane each."""
 
 _NAMES = (
-    *("VELOCITY", "AFFINE", "MASS", "STRESS", "HISTORY", "DEFORMATION", "MEAN_PRESSURE", "POINT_WIDTH"),
+    *("VELOCITY", "AFFINE", "MASS", "STRESS", "HISTORY", "DISPLACEMENT_GRADIENT", "MEAN_PRESSURE", "POINT_WIDTH"),
     *("HOME", "LABEL_WIDTH", "SHEAR", "LAME", "VISCOSITY", "BULK_VISCOSITY", "MASS_DAMPING"),
 )
 
@@ -233,10 +233,10 @@ _MOVE = """
         k[6] = a[1] * a[5] - a[2] * a[4], k[7] = a[2] * a[3] - a[0] * a[5], k[8] = a[0] * a[4] - a[1] * a[3];
     };
     lanes F[9], L[12], G[9], K[9], H, tail;
-    read(points + DEFORMATION, POINT_WIDTH, F);
-    read(points + DEFORMATION + 4, POINT_WIDTH, F + 4);
+    read(points + DISPLACEMENT_GRADIENT, POINT_WIDTH, F);
+    read(points + DISPLACEMENT_GRADIENT + 4, POINT_WIDTH, F + 4);
     for (int l = 0; l < GROUP; ++l) {
-        F[8][l] = points[l * POINT_WIDTH + DEFORMATION + 8];
+        F[8][l] = points[l * POINT_WIDTH + DISPLACEMENT_GRADIENT + 8];
         H[l] = points[l * POINT_WIDTH + HISTORY];
     }
     read(flow[0], 12, L);
@@ -245,7 +245,12 @@ _MOVE = """
     const REAL step = (REAL)s.step;
     for (int r = 0; r < 3; ++r)
         for (int c = 0; c < 3; ++c)
-            G[3 * r + c] = F[3 * r + c] + step * (L[r] * F[c] + L[4 + r] * F[3 + c] + L[8 + r] * F[6 + c]);
+            G[3*r + c] = F[3*r + c] + step * (L[4*c + r] + (L[r] * F[c] + L[4 + r] * F[3 + c] + L[8 + r] * F[6 + c]));
+    write(G[0], G[1], G[2], G[3], points + DISPLACEMENT_GRADIENT);
+    write(G[4], G[5], G[6], G[7], points + DISPLACEMENT_GRADIENT + 4);
+    for (int l = 0; l < GROUP; ++l) points[l * POINT_WIDTH + DISPLACEMENT_GRADIENT + 8] = G[8][l];
+    // So far F and G were without the unit matrix.
+    G[0] += 1, G[4] += 1, G[8] += 1;
     const REAL mu = (REAL)material[SHEAR], lame = (REAL)material[LAME];
     cofactors(G, K);
     const lanes J = G[0] * K[0] + G[1] * K[1] + G[2] * K[2];
@@ -262,13 +267,8 @@ _MOVE = """
     write(ENTRY(0, 0) + diagonal, ENTRY(1, 1) + diagonal, ENTRY(2, 2) + diagonal, ENTRY(0, 1), points + STRESS);
     write(ENTRY(0, 2), ENTRY(1, 2), dilation, H, points + STRESS + 4);
     #undef ENTRY
-    write(G[0], G[1], G[2], G[3], points + DEFORMATION);
-    write(G[4], G[5], G[6], G[7], points + DEFORMATION + 4);
     wp::int32 left = 0;
-    for (int l = 0; l < GROUP; ++l) {
-        points[l * POINT_WIDTH + DEFORMATION + 8] = G[8][l];
-        left |= settled[l] ? 0 : 1 << l;
-    }
+    for (int l = 0; l < GROUP; ++l) left |= settled[l] ? 0 : 1 << l;
     #undef MIX
 """
 

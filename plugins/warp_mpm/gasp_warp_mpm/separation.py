@@ -90,7 +90,7 @@ def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool)
         """(s/2)^2 F F^T of what a point stands for, and its volume, to a common factor."""
         o = p * at.POINT_WIDTH
         side = s.points[o + at.HALF_SIDE]
-        F = row9(s.points, o + at.DEFORMATION)
+        F = row9(s.points, o + at.DISPLACEMENT_GRADIENT) + wp.identity(n=3, dtype=real)
         J = wp.determinant(F)
         square = (side * side) * (F @ wp.transpose(F))
         if int(s.materials[material_row(s, p) + at.KIND]) == is_fluid:

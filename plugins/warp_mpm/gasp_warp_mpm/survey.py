@@ -24,6 +24,7 @@ def make_survey(double: bool, module: Any) -> Any:
     is_snow, first_hencky = at.KINDS["snow"], at.KINDS["metal"]
     crushed_volume = wp.float64(CRUSHED_VOLUME)
     zero, half, one, two, three = (wp.float64(value) for value in (0.0, 0.5, 1.0, 2.0, 3.0))
+    unit = wp.mat33d(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     least_square, least_gap = wp.float64(1e-200), wp.float64(1e-9)
     greatest_exponent = wp.float64(200.0)
 
@@ -91,7 +92,7 @@ def make_survey(double: bool, module: Any) -> Any:
             o = p * at.POINT_WIDTH
             v = wide3(s.points, o + at.VELOCITY)
             C = wide9(s.points, o + at.AFFINE)
-            F = wide9(s.points, o + at.DEFORMATION)
+            F = wide9(s.points, o + at.DISPLACEMENT_GRADIENT) + unit
             history = wp.float64(s.points[o + at.HISTORY])
             place = s.x[p] - wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
             if finite(v, C, F, history, place):

@@ -115,14 +115,15 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
     with kit.open(problem, precision=precision, spacing=0.1) as session:
         cloud = session._held
         points = cloud._rows().points
-        points[:, at.DEFORMATION : at.DEFORMATION + 9] = given.reshape(-1, 9)
+        points[:, at.DISPLACEMENT_GRADIENT : at.DISPLACEMENT_GRADIENT + 9] = (given - np.eye(3)).reshape(-1, 9)
         cloud.begin_batch(0.0, np.zeros(3), *nothing_acts(1))
         assert cloud.steps(0, 1) == (1, False, False)
         material = cloud._tables.materials.numpy()
-        F = points[:, at.DEFORMATION : at.DEFORMATION + 9].astype(np.float64).reshape(-1, 3, 3)
+        H = points[:, at.DISPLACEMENT_GRADIENT : at.DISPLACEMENT_GRADIENT + 9].reshape(-1, 3, 3)
+        F = (H + np.eye(3, dtype=H.dtype)).astype(np.float64)
         found = points[:, at.STRESS : at.STRESS + 6].astype(np.float64)
         dilation = points[:, at.DILATION].astype(np.float64)
-    assert np.array_equal(F, given.astype(precision).astype(np.float64))
+    assert np.array_equal(H, (given - np.eye(3)).astype(precision))
     stress, expected, rounding, spread, together = kirchhoff(kind, F, material[at.SHEAR], material[at.LAME])
     assert (together.sum(), (~together).sum()) == (len(F), 0) if kind == "neo-hookean" else (~together).sum() > 100
     entries = stress[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

@@ -142,7 +142,7 @@ class SessionTests:
         watched = [
             *range(at.VELOCITY, at.VELOCITY + 3),
             *range(at.AFFINE, at.AFFINE + 9),
-            *range(at.DEFORMATION, at.DEFORMATION + 9),
+            *range(at.DISPLACEMENT_GRADIENT, at.DISPLACEMENT_GRADIENT + 9),
             at.HISTORY,
         ]
         with kit.open(falling(kit), spacing=0.1, precision=precision) as session:
