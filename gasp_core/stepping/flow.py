@@ -5,6 +5,7 @@ One lets it go where it goes whatever the step is, one keeps the volume of what 
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -74,8 +75,9 @@ def subgrid_decay(material: Material, spacing: float) -> float:
     """`SUBGRID_DECAY` per second on a grid of `spacing` [m]; nought for what does not flow, which keeps nothing."""
     if not is_flowing(material):
         return 0.0
-    share = FLUID_SUBGRID_DECAY if isinstance(material, Fluid) else SUBGRID_DECAY
-    return share / rest_bound(material, spacing)
+    if isinstance(material, Fluid):
+        return FLUID_SUBGRID_DECAY / _inviscid_bound(material, spacing)
+    return SUBGRID_DECAY / rest_bound(material, spacing)
 
 
 def crowding_decay(problem: PointProblem, index: int, spacing: float) -> float:
@@ -97,7 +99,12 @@ def crowding_decay(problem: PointProblem, index: int, spacing: float) -> float:
     own = points.material_ids == index
     if bool(np.isin(points.body_ids[~own], points.body_ids[own]).any()):
         return 0.0
-    return CROWDING_DECAY / rest_bound(material, spacing)
+    return CROWDING_DECAY / _inviscid_bound(material, spacing)
+
+
+def _inviscid_bound(material: Fluid, spacing: float) -> float:
+    """The stable step [s] that its pressure alone would bear: what is viscous steps for longer, and loses no more."""
+    return rest_bound(dataclasses.replace(material, viscosity=0.0), spacing)
 
 
 def wall_share(distances: NDArray[Any]) -> NDArray[Any]:

@@ -65,3 +65,11 @@ def test_the_share_seen_beside_a_wall(distance):
 
 def test_behind_a_wall_as_on_it_and_all_from_its_reach_on():
     np.testing.assert_array_equal(wall_share(np.array([-1.0, 0.0, WALL_REACH, 9.0])), [0.5, 0.5, 1.0, 1.0])
+
+
+def test_what_is_viscous_loses_no_more_than_what_is_not() -> None:
+    # Its steps are shorter, and what fades does so by the second.
+    water = Fluid(density=1000.0, bulk_modulus=1e5)
+    honey = Fluid(density=1000.0, bulk_modulus=1e5, viscosity=1e3)
+    assert rest_bound(honey, 0.01) < 0.1 * rest_bound(water, 0.01)
+    assert subgrid_decay(honey, 0.01) == subgrid_decay(water, 0.01) == 1 / rest_bound(water, 0.01)
