@@ -53,7 +53,12 @@ class Figure:
         return used / allowed if allowed > 0 else math.inf
 
     def __str__(self) -> str:
-        return f"{self.figure} {self.value:.4g} {self.sense} {self.bound:.5g}"
+        return f"{self.figure} {self.shown} {self.sense} {self.bound:.5g}"
+
+    @property
+    def shown(self) -> str:
+        """The value as it is judged: between bars where that is its magnitude, and shows."""
+        return f"|{self.value:.4g}|" if self.sense == "<=" and self.value < 0 else f"{self.value:.4g}"
 
 
 class Ledger:
@@ -72,4 +77,4 @@ class Ledger:
 
     def _enter(self, entry: Figure) -> None:
         self._record(FIGURE, entry)
-        assert entry.holds, f"{entry.case}: {entry.figure} is {entry.value:.4g}, bound {entry.bound:.4g}"
+        assert entry.holds, f"{entry.case}: {entry.figure} is {entry.shown}, bound {entry.bound:.4g}"

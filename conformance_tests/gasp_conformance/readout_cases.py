@@ -47,6 +47,8 @@ __all__ = [
     "Spinning",
     "Velocities",
     "affine_gradients",
+    "COLLIDING_WIDTH",
+    "block_sways",
     "bodies_collide",
     "driven_block",
     "flown_velocities",
@@ -59,6 +61,8 @@ __all__ = [
 Array = NDArray[Any]
 
 _CORNER = np.array([0.37, -0.21, 0.11])
+COLLIDING_WIDTH = 2 * SPACING
+"""Of the blocks that run into each other [m]."""
 _ACCURACY = EngineAccuracy(spacing=SPACING)
 
 
@@ -104,11 +108,14 @@ class Collision:
     center_error
         Distance of the centre of mass from uniform motion, over the mean distance points go.
     exchanged
-        Change of one body's momentum, over what it was.
+        Change of one part's momentum, over what it was.
+    nearest
+        Least distance [m] along x from the part's centre on to that of the rest.
     """
 
     center_error: float
     exchanged: float
+    nearest: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,12 +237,19 @@ def unequal_body_sways(subject: Subject) -> Collision:
     return _watched(subject, PointProblem(points=unequal, materials=materials, gravity=NO_GRAVITY), heavy, 0.3)
 
 
+def block_sways(subject: Subject) -> Collision:
+    """A block stretches, spins and drifts without weight; its one half is watched."""
+    problem = replace(swaying_block(subject), gravity=NO_GRAVITY)
+    across = problem.points.reference_positions[:, 0]
+    return _watched(subject, problem, across > across.mean(), 0.3)
+
+
 def bodies_collide(subject: Subject) -> Collision:
-    """A light block runs into a heavy one, off centre, while both drift."""
+    """A light block runs head-on into a heavy one, while both drift."""
     cells, gap = 2, 2 * SPACING
-    width = cells * SPACING
+    width = COLLIDING_WIDTH
     light = box_of_points(_CORNER, (cells, cells, cells), SPACING)
-    heavy = light + [width + gap, 0.5 * width, 0.3 * width]
+    heavy = light + [width + gap, 0.0, 0.0]
     cloud = cloud_of([light, heavy], [[1.2, 0.1, -0.2], [0.2, 0.1, -0.2]], SPACING)
     material = stiff_material(subject)
     problem = PointProblem(
@@ -261,12 +275,15 @@ def _watched(subject: Subject, problem: PointProblem, part: Array, time: float) 
     journal = Journal()
     error = 0.0
     times = np.linspace(0, time, 11)[1:]
+    rest, nearest = ~part, math.inf
     centers = [masses[part] @ points.reference_positions[part] / masses[part].sum()]
     for state in subject.states(problem, _ACCURACY, times, (), journal):
         assert len(state.positions) == len(points), f"{len(points)} points went in, {len(state.positions)} came back"
         center = masses @ state.positions / total
         error = max(error, float(np.linalg.norm(center - start - drift * state.time)))
         centers.append(masses[part] @ state.positions[part] / masses[part].sum())
+        other = masses[rest] @ state.positions[rest] / masses[rest].sum()
+        nearest = min(nearest, float(other[0] - centers[-1][0]))
     # Of the part's own velocity, seen from the common centre.
     before = (centers[1] - centers[0]) / times[0] - drift
     after = (centers[-1] - centers[-2]) / (times[-1] - times[-2]) - drift
@@ -274,6 +291,7 @@ def _watched(subject: Subject, problem: PointProblem, part: Array, time: float) 
     return Collision(
         center_error=error / way,
         exchanged=float(np.linalg.norm(after - before) / np.linalg.norm(before)),
+        nearest=nearest,
     )
 
 

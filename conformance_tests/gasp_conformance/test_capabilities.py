@@ -708,12 +708,12 @@ def test_mass(subject: Subject, ledger: Ledger, need: Need) -> None:
 
 @check("conserved:linear_momentum", Level.CAPABILITY)
 def test_linear_momentum(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """Whatever a light and a heavy body do to each other, their common centre goes straight."""
+    """Whatever the halves of a body do to each other, its centre goes straight."""
     need(Quantity.LINEAR_MOMENTUM in subject.descriptor.capabilities.conserved, "that it conserves linear momentum")
-    bodies = readout_cases.bodies_collide(subject)
-    ledger.at_most("linear momentum", "centre off a straight line / way", bodies.center_error, center_bound(subject))
-    # A body that does not bounce at all from one three times its mass loses all of its own: none would be no collision.
-    ledger.at_least("linear momentum", "velocity exchanged, relative", bodies.exchanged, 0.3)
+    body = readout_cases.block_sways(subject)
+    ledger.at_most("linear momentum", "centre off a straight line / way", body.center_error, center_bound(subject))
+    # That its halves did not just fly on.
+    ledger.at_least("linear momentum", "velocity its one half changes by, relative", body.exchanged, 0.1)
 
 
 @check("conserved:angular_momentum", Level.CAPABILITY)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gasp_conformance import cases, metamorphic, oracles
+from gasp_conformance import cases, metamorphic, oracles, readout_cases
 from gasp_conformance.bounds import unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
@@ -311,6 +311,18 @@ def judge_across(subject: Subject, ledger: Ledger, change: Change, cells: int) -
     angle = 2 * math.pi * numbers["periods"]
     bound = 2 * math.sqrt(3) * numbers["amplitude"] * angle * 1.5 / cells**2
     ledger.at_most(f"V16 {cells} cells", f"{change.name}: distance / size", found.distance, bound)
+
+
+@check("bodies-meet", Level.VERIFICATION)
+def test_bodies_that_meet(subject: Subject, ledger: Ledger) -> None:
+    """A light body that runs into a heavy one is stopped by it, does not go through it, and takes nothing from both."""
+    bodies = readout_cases.bodies_collide(subject)
+    # One that does not bounce at all from three times its mass loses all of its own: none would be no collision.
+    ledger.at_least("bodies meet", "velocity exchanged, relative", bodies.exchanged, 0.3)
+    ledger.at_least("bodies meet", "nearest / width", bodies.nearest / readout_cases.COLLIDING_WIDTH, 0.5)
+    if Quantity.LINEAR_MOMENTUM in subject.descriptor.capabilities.conserved:
+        bound = 1e-12 if subject.is_double else 1e-5
+        ledger.at_most("bodies meet", "centre off a straight line / way", bodies.center_error, bound)
 
 
 @check("momentum", Level.VERIFICATION)

@@ -108,6 +108,19 @@ class ThirdAxisForgotten(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.gather": _flat_gather}
 
 
+def _unmet(
+    problem: Any, stencil: Any, grid: Any, velocities: Array, held: Any, separation: Any, *_: Any
+) -> tuple[Array, Any]:
+    return velocities, separation
+
+
+@mutant("ghosts", {"bodies-meet": "velocity exchanged, relative"})
+class Ghosts(InsideOut):
+    """Bodies go through each other."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"substep.met": _unmet}
+
+
 def _in_single_precision(*arguments: Any) -> tuple[Array, Array]:
     deformations, history = deformed(*arguments)
     return deformations.astype(np.float32).astype(np.float64), history
