@@ -117,7 +117,8 @@ def test_speed(subject: Subject, ledger: Ledger) -> None:
             missing.append(str(error))
             continue
         _sound(f"a block in {name}", run)
-        assert run.finished or run.status is Status.CRUSHED, f"a block in {name}: ended with {run.ending}"
+        if run.status is not Status.CRUSHED:
+            _done(f"a block in {name}", run)
         # Walls act at nodes: matter is held where the nodes within its reach, a cell and a half of a quadratic spline,
         # are all beyond the wall; less than a cell beyond it. A domain's edge is where points themselves are held.
         room = 0.5 if name == "walls" else rounding(subject, 1) * cases.CAGE_HIGH

@@ -19,7 +19,7 @@ from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.metamorphic import Change
 from gasp_conformance.scenes import MATERIALS, shared_scene
-from gasp_conformance.subject import Subject
+from gasp_conformance.subject import Need, Subject
 from gasp_core.contract import Determinism, Material, Quantity
 
 each_material = pytest.mark.parametrize("material", MATERIALS.values(), ids=lambda material: material.kind)
@@ -314,8 +314,9 @@ def judge_across(subject: Subject, ledger: Ledger, change: Change, cells: int) -
 
 
 @check("bodies-meet", Level.VERIFICATION)
-def test_bodies_that_meet(subject: Subject, ledger: Ledger) -> None:
+def test_bodies_that_meet(subject: Subject, ledger: Ledger, need: Need) -> None:
     """A light body that runs into a heavy one is stopped by it, does not go through it, and takes nothing from both."""
+    need(bool(subject.descriptor.capabilities.body_contacts), "that bodies meet")
     bodies = readout_cases.bodies_collide(subject)
     # One that does not bounce at all from three times its mass loses all of its own: none would be no collision.
     ledger.at_least("bodies meet", "velocity exchanged, relative", bodies.exchanged, 0.3)

@@ -51,9 +51,10 @@ class MaterialPreset:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The material's numbers, by field."""
-        fields = dataclasses.fields(self.material)
-        return {each.name: getattr(self.material, each.name) for each in fields if each.name != "name"}
+        """The material's numbers, by field; without those that are what a model has by default and nobody gave."""
+        fields = [each for each in dataclasses.fields(self.material) if each.name != "name"]
+        values = {each.name: (getattr(self.material, each.name), each.default) for each in fields}
+        return {name: value for name, (value, default) in values.items() if name in self.ranges or value != default}
 
 
 _ASHBY = "Ashby, Materials Selection in Mechanical Design (4th ed. 2011), appendix A"
