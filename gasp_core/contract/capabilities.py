@@ -56,19 +56,20 @@ def needs(
     drive_names: Sequence[str] = (),
 ) -> list[Need]:
     """Everything a scene asks of an engine, most telling first; the parameters are those of `check_supported`."""
+    materials = list(zip(problem.materials, _material_users(problem, body_names)))
     asked = [
         Need(f"does not model {material.kind}{_as_named(material)}{users}", "materials", type(material))
-        for material, users in zip(problem.materials, _material_users(problem, body_names))
+        for material, users in materials
         if users is not None
     ]
     asked += [
         Need(f"has no restitution of rigid bodies{users}", "restitution")
-        for material, users in zip(problem.materials, _material_users(problem, body_names))
+        for material, users in materials
         if users is not None and isinstance(material, Rigid) and material.restitution > 0
     ]
     asked += [
         Need(f"damps no {material.kind}{users}", "material_damping")
-        for material, users in zip(problem.materials, _material_users(problem, body_names))
+        for material, users in materials
         if users is not None
         and isinstance(material, Elastic | NeoHookean)
         and (material.mass_damping > 0 or material.stiffness_damping > 0)

@@ -62,6 +62,7 @@ _STRETCHED_SHARE = 0.01
 """Of the elastic points. A few torn-off points far outside the range are an ugly film; a hundredth of a body is a
 blow-up on its way."""
 _PLANE = 1e-3
+"""Of its diagonal: what is thinner at the start is a plane."""
 _FLATTEST = 0.02
 """Of its thickness at the start: a body that is flatter, as a whole, is no longer one."""
 _INVISIBLE = 1e-4
@@ -143,11 +144,11 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
     for body in np.unique(points.body_ids):
         rows = points.body_ids == body
         own = points.reference_positions[rows]
-        thick = thickness(own)
+        across, thick = float(np.linalg.norm(np.ptp(own, axis=0))), thickness(own)
         # A plane has no thickness that it could lose.
-        if all(shapely[index] for index in np.unique(points.material_ids[rows])) and thick > _PLANE * np.ptp(own):
+        if all(shapely[index] for index in np.unique(points.material_ids[rows])) and thick > _PLANE * across:
             thicknesses[body] = thick
-        diagonal = max(diagonal, float(np.linalg.norm(np.ptp(own, axis=0))))
+        diagonal = max(diagonal, across)
     return Watch(
         problem=problem,
         masses=masses,

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import (
     DomainPolicy,
-    Elastic,
     EngineAccuracy,
     Impulse,
-    NeoHookean,
     PointProblem,
     Status,
     StepReport,
 )
+from gasp_core.stepping.flow import is_flowing
 from gasp_core.stepping.time_step import event_times
 
 __all__ = ["CRUSHED_VOLUME", "SteppedSession", "StoppedError", "impulse_change"]
@@ -112,8 +111,8 @@ class SteppedSession(ABC, Generic[Held]):
         self._notes = tuple(notes)
         self._events = event_times(problem.drives, problem.force_fields)
         self._steps: list[tuple[int, float]] = []
-        springs = [isinstance(material, Elastic | NeoHookean) for material in problem.materials]
-        self._elastic_count = int(np.array(springs, dtype=np.bool_)[problem.points.material_ids].sum())
+        elastic = [not is_flowing(material) for material in problem.materials]
+        self._elastic_count = int(np.array(elastic, dtype=np.bool_)[problem.points.material_ids].sum())
 
     @property
     def time(self) -> float:

@@ -213,6 +213,13 @@ def test_a_rod_that_coils_up_is_not_flat():
     assert not flattened(watch, ring)
 
 
+def test_how_far_away_a_body_is_does_not_decide_whether_it_is_a_plane():
+    case = problem()
+    away = np.array(case.points.reference_positions) + [5000.0, 0.0, 0.0]
+    here, there = (watch_over(each, STEP) for each in (case, dataclasses.replace(case, points=cloud(away))))
+    np.testing.assert_allclose(there.thicknesses, here.thicknesses, rtol=1e-9)
+
+
 def test_what_is_a_plane_at_the_start_has_no_thickness_to_lose():
     case = problem()
     plane = np.array(case.points.reference_positions)
