@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         EngineAccuracy,
         Fluid,
         Foam,
+        FrictionCone,
         HalfSpace,
         Impulse,
         KeyframedMotion,
@@ -83,6 +84,7 @@ __all__ = [
     "Floaters",
     "Fluid",
     "Foam",
+    "FrictionCone",
     "FrameSequence",
     "GaspError",
     "Gaussians",
@@ -128,9 +130,9 @@ __all__ = [
 _HOMES = {
     "gasp_core.studies.comparison": "Comparison compare",
     "gasp_core.contract": (
-        "BoxShape Collider ContactCondition Domain DomainPolicy Driven Elastic EngineAccuracy Fluid Foam HalfSpace"
-        " Impulse KeyframedMotion Metal NeoHookean Pinned Plasticine Precision Rigid Sand Side Snow SphereShape"
-        " SteadyMotion Wind"
+        "BoxShape Collider ContactCondition Domain DomainPolicy Driven Elastic EngineAccuracy Fluid Foam FrictionCone"
+        " HalfSpace Impulse KeyframedMotion Metal NeoHookean Pinned Plasticine Precision Rigid Sand Side Snow"
+        " SphereShape SteadyMotion Wind"
     ),
     "gasp_core.errors": "GaspError",
     "gasp_core.gaussians": "Gaussians",

@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import exp1
 
+from gasp_core.contract import FrictionCone
+
 __all__ = [
     "Turns",
     "carried_by_wind",
@@ -128,14 +130,22 @@ def large_wave(
     return np.interp(places, middles, moved)
 
 
-def drucker_prager_friction(friction_angle: float) -> float:
+def drucker_prager_friction(friction_angle: float, cone: FrictionCone = FrictionCone.SIMPLE_SHEAR) -> float:
     """Friction coefficient of sand in simple shear under pressure, M / sqrt(3), `friction_angle` in degrees.
 
-    Klar et al. 2016 fit the Drucker-Prager cone to Mohr-Coulomb in triaxial compression: q = M p with
-    M = 6 sin phi / (3 - sin phi). In simple shear of an isotropic pressure, q = sqrt(3) tau.
+    In simple shear at constant volume normal stresses are alike and q = M p is tau = M / sqrt(3) p. In triaxial
+    compression Mohr and Coulomb's law is q = M p with M = 6 sin phi / (3 - sin phi) (Klar et al. 2016, section 7.3).
+    In plane strain it is (s1 - s3) / 2 = sin phi (s1 + s3) / 2 of the largest and the least stress: on the left is tau,
+    and (s1 + s3) / 2 is p, since at constant volume the third stress is their mean.
     """
     sine = math.sin(math.radians(friction_angle))
-    return 6 * sine / (3 - sine) / math.sqrt(3)
+    match cone:
+        case FrictionCone.SIMPLE_SHEAR:
+            return math.tan(math.radians(friction_angle))
+        case FrictionCone.PLANE_STRAIN:
+            return sine
+        case FrictionCone.TRIAXIAL_COMPRESSION:
+            return 6 * sine / (3 - sine) / math.sqrt(3)
 
 
 def snow_stiffening(plastic_ratio: float, hardening: float) -> float:

@@ -46,6 +46,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         "moving-colliders": can.moving_colliders,
         "restitution": can.restitution,
         "material-damping": can.material_damping,
+        "cohesion": can.cohesion,
         "checkpoints": can.checkpoints,
         "tracers": can.carries_tracers,
         "device-indices": can.device_indices,

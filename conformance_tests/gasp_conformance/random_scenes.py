@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -27,6 +28,7 @@ from gasp_core.contract import (
     Fluid,
     Foam,
     ForceField,
+    FrictionCone,
     HalfSpace,
     Impulse,
     Material,
@@ -176,6 +178,8 @@ def _terse(item: Material | Drive | ForceField | HalfSpace | BoxShape | SphereSh
             shown.append(_terse(value))
         elif isinstance(value, tuple):
             shown.append(f"{name}=({', '.join(f'{float(part):.3g}' for part in value)})")
+        elif isinstance(value, Enum):
+            shown.append(f"{name}={value.value}")
         elif value is not None and not isinstance(value, str):
             shown.append(f"{name}={float(value):.4g}")
     return f"{item.kind}({', '.join(shown)})"
@@ -226,11 +230,17 @@ def _fluid(rng: np.random.Generator) -> Fluid:
     return Fluid(density=_log_uniform(rng, 1e-2, 1e5), bulk_modulus=_log_uniform(rng, 1e2, 1e9), viscosity=viscosity)
 
 
+def _sand(rng: np.random.Generator) -> Sand:
+    cone = list(FrictionCone)[rng.integers(len(FrictionCone))]
+    steepest = 59 if cone is FrictionCone.SIMPLE_SHEAR else 80
+    return Sand(**_solid(rng), friction_angle=float(rng.uniform(1, steepest)), cone=cone)
+
+
 _MATERIALS: Mapping[type[Material], Callable[[np.random.Generator], Material]] = MappingProxyType(
     {
         Elastic: lambda rng: Elastic(**_solid(rng)),
         NeoHookean: lambda rng: NeoHookean(**_solid(rng)),
-        Sand: lambda rng: Sand(**_solid(rng), friction_angle=float(rng.uniform(1, 80))),
+        Sand: _sand,
         Fluid: _fluid,
         Snow: lambda rng: Snow(**_solid(rng), hardening=float(rng.uniform(0, 20))),
         Metal: lambda rng: Metal(**_yielding(rng)),

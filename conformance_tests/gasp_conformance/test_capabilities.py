@@ -74,10 +74,11 @@ SHOWN = {
     "moving-colliders",
     "restitution",
     "material-damping",
+    "cohesion",
     "device-indices",
     "tracers",
 }
-"""Names of the checks below, in `test_bodies` and in `test_damping`; devices have theirs by their names."""
+"""Names of the checks below, in `test_bodies`, `test_damping` and `test_sand`; devices have theirs by their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -218,35 +219,10 @@ def test_sand_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
     stays_on_a_floor(ledger, subject, Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2))
 
 
-@check("material:sand[heap]", Level.CAPABILITY)
-def test_sand_makes_a_heap(subject: Subject, ledger: Ledger) -> None:
-    """A block of sand that falls apart on a rough floor comes to rest, and has not run farther than sand does."""
-    sand = Sand(density=1600.0, youngs_modulus=1e6, poissons_ratio=0.2)
-    speed, runout = material_cases.heap_stops(subject, sand)
-    # Columns are at rest after 3.3 times sqrt(H/g), here 0.6 s, and run 1.24 H/R (Lajeunesse et al. 2005, H/R < 3, in
-    # the round; 10.1063/1.2087459): a quarter more is allowed.
-    ledger.at_most("heap", "speed / that of its fall", speed, 0.02)
-    ledger.at_most("heap", "way of its edge / half its side", runout, 1.25 * 1.24 * 2)
-
-
 @check("material:fluid[floor]", Level.CAPABILITY)
 def test_fluid_stays_on_a_floor(subject: Subject, ledger: Ledger) -> None:
     """A block of water that spreads on a floor does not sink into it."""
     stays_on_a_floor(ledger, subject, Fluid(density=1000.0, bulk_modulus=1e5))
-
-
-@check("material:sand[friction]", Level.CAPABILITY)
-def test_sand_has_its_friction_angle(subject: Subject, ledger: Ledger) -> None:
-    """On a rough slope of 22 degrees sand of 40 degrees stays, and sand of 10 degrees flows as its angle says."""
-    slope = 22.0
-    for angle in (40.0, 10.0):
-        sand = Sand(density=1600.0, youngs_modulus=3e5, poissons_ratio=0.2, friction_angle=angle)
-        way = material_cases.layer_on_slope(subject, sand, slope)
-        flows = max(0.0, 1 - exact.drucker_prager_friction(angle) / math.tan(math.radians(slope)))
-        # A rough floor is felt up to half a cell above it, a quarter of the layer.
-        ledger.at_most(
-            f"sand of {angle:g} degrees", "way / frictionless - flow of a layer", way - flows, 0.25 * max(flows, 0.4)
-        )
 
 
 @check("material:sand[compression]", Level.CAPABILITY)

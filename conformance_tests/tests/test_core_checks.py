@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gasp_conformance import capability_oracles as exact
-from gasp_conformance import elsewhere, specimens, test_bodies, test_capabilities, test_core, test_damping
+from gasp_conformance import elsewhere, specimens, test_bodies, test_capabilities, test_core, test_damping, test_sand
 from gasp_conformance.declarations import base_name, declared
 from gasp_conformance.ledger import Figure, Ledger
 from gasp_conformance.plugin_imports import PluginImports, plugin_imports
@@ -39,6 +39,7 @@ from gasp_core.contract import (
     EngineDescriptor,
     Field,
     Foam,
+    FrictionCone,
     HalfSpace,
     Impulse,
     Material,
@@ -82,6 +83,7 @@ EVERYTHING = EngineCapabilities(
     moving_colliders=True,
     restitution=True,
     material_damping=True,
+    cohesion=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -420,7 +422,7 @@ def test_an_engine_that_is_not_installed_fails_in_a_process_with_its_message() -
 def judges() -> dict[str, Any]:
     """Every capability check by the name of its function, but those that pytest makes for an engine."""
     made = {"test_device", "test_declared_without_a_check"}
-    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping)
+    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping) | vars(test_sand)
     return {name: judge for name, judge in found.items() if name.startswith("test_") and name not in made}
 
 
@@ -955,16 +957,19 @@ def test_the_large_wave_is_linear_where_its_law_is_and_solves_its_equation_where
 
 
 def test_sands_friction_is_that_of_the_cone_it_is_fitted_to() -> None:
+    # Simple shear tau under pressure p: q^2 = 3/2 dev : dev = 3 tau^2.
+    shear = np.array([[0, 1.0, 0], [1.0, 0, 0], [0, 0, 0]])
+    q = math.sqrt(1.5 * float(np.sum(shear**2)))
     for angle in (10.0, 40.0):
         sine = math.sin(math.radians(angle))
-        # Mohr-Coulomb in triaxial compression: (s1 - s3) / (s1 + s3) = sin phi, two of the stresses equal.
+        # Mohr and Coulomb: (s1 - s3) / (s1 + s3) = sin phi, the third stress being the least, or the mean.
         s1, s3 = 1 + sine, 1 - sine
-        pressure, deviator = (s1 + 2 * s3) / 3, s1 - s3
-        slope = deviator / pressure
-        # Simple shear tau under pressure p: q^2 = 3/2 dev : dev = 3 tau^2.
-        shear = np.array([[0, 1.0, 0], [1.0, 0, 0], [0, 0, 0]])
-        q = math.sqrt(1.5 * float(np.sum(shear**2)))
-        assert exact.drucker_prager_friction(angle) == pytest.approx(slope / q, rel=1e-12)
+        for cone, s2 in ((FrictionCone.TRIAXIAL_COMPRESSION, s3), (FrictionCone.PLANE_STRAIN, 1.0)):
+            stresses = np.array([s1, s2, s3])
+            pressure = stresses.mean()
+            slope = math.sqrt(1.5) * np.linalg.norm(stresses - pressure) / pressure
+            assert exact.drucker_prager_friction(angle, cone) == pytest.approx(slope / q, rel=1e-12)
+        assert exact.drucker_prager_friction(angle) == pytest.approx(math.tan(math.radians(angle)), rel=1e-12)
 
 
 def test_yield_strain_is_where_von_mises_stress_is_the_yield_stress() -> None:

@@ -28,6 +28,7 @@ from gasp_core.contract.forcing import (
     Side,
     Wind,
 )
+from gasp_core.contract.friction_cone import FrictionCone
 from gasp_core.contract.materials import (
     MATERIALS,
     Elastic,
@@ -68,6 +69,7 @@ __all__ = [
     "Field",
     "Fluid",
     "Foam",
+    "FrictionCone",
     "ForceField",
     "HalfSpace",
     "Impulse",

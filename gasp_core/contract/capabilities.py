@@ -11,7 +11,7 @@ import numpy as np
 from gasp_core.contract.descriptor import EngineCapabilities, EngineDescriptor
 from gasp_core.contract.fields import Field, Precision
 from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT
-from gasp_core.contract.materials import Elastic, Material, NeoHookean, Rigid
+from gasp_core.contract.materials import Elastic, Material, NeoHookean, Rigid, Sand
 from gasp_core.contract.points import PointProblem
 from gasp_core.contract.shapes import Shape
 from gasp_core.errors import UnsupportedSceneError
@@ -73,6 +73,11 @@ def needs(
         if users is not None
         and isinstance(material, Elastic | NeoHookean)
         and (material.mass_damping > 0 or material.stiffness_damping > 0)
+    ]
+    asked += [
+        Need(f"has no cohesion of {material.kind}{users}", "cohesion")
+        for material, users in materials
+        if users is not None and isinstance(material, Sand) and material.cohesion > 0
     ]
     for number, collider in enumerate(problem.colliders, start=1):
         shape, contact = collider.shape, collider.contact

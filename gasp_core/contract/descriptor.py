@@ -43,6 +43,8 @@ class EngineCapabilities:
         Whether rigid bodies bounce as their `Rigid.restitution` says.
     material_damping
         Whether elastic matter is damped as its `mass_damping` and `stiffness_damping` say.
+    cohesion
+        Whether sand coheres as its `Sand.cohesion` says.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -91,6 +93,7 @@ class EngineCapabilities:
     moving_colliders: bool = False
     restitution: bool = False
     material_damping: bool = False
+    cohesion: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

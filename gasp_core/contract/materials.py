@@ -6,9 +6,11 @@ name them by `kind`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from gasp_core.contract.friction_cone import FrictionCone
 from gasp_core.contract.validation import finite, positive
 from gasp_core.errors import SceneError
 
@@ -129,24 +131,69 @@ class NeoHookean(_Springy):
     kind: ClassVar[str] = "neo-hookean"
 
 
+_STEEPEST = 60.0
+"""Degrees, where sqrt(3) tan(phi) is 3 and a cylinder bears whatever presses it."""
+_MOST_COHESION = 0.1
+"""Of the bulk modulus: the tension that cohesion bears."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sand(_Solid):
-    """Dry granular matter: Hencky elasticity with a Drucker-Prager cone (Klar et al. 2016).
+    """Granular matter: Hencky elasticity with a Drucker-Prager cone (Klar et al. 2016, 10.1145/2897824.2925906).
+
+    It flows at constant volume. Volume gained while it was loose is given back before it presses again (Tampubolon et
+    al. 2017, 10.1145/3072959.3073651).
 
     Parameters
     ----------
     friction_angle
-        Internal friction angle [degrees], > 0 and < 90.
+        phi, internal friction angle [degrees], > 0 and < 90; with a cone matched to simple shear < 60.
+    cone
+        What the angle was measured in, `FrictionCone`.
+    cohesion
+        c [Pa], >= 0, of moist sand: shear that is borne without pressure. Bridges that broke are there again where
+        grains touch again. For engines that declare `cohesion`.
     """
 
     kind: ClassVar[str] = "sand"
     friction_angle: float = 35.0
+    cone: FrictionCone = FrictionCone.SIMPLE_SHEAR
+    cohesion: float = 0.0
 
     def __post_init__(self) -> None:
         _Solid.__post_init__(self)
         finite(self, "friction_angle", low=0.0, open_low=True)
         if self.friction_angle >= 90:
             raise SceneError(f"Sand.friction_angle must be < 90 degrees, found {self.friction_angle!r}")
+        # Whatever type checkers think, a Python caller may hand over anything.
+        cone: Any = self.cone
+        if not isinstance(cone, FrictionCone):
+            raise SceneError(f"Sand.cone must be a FrictionCone, found {str(cone)[:40]!r}")
+        if cone is FrictionCone.SIMPLE_SHEAR and self.friction_angle >= _STEEPEST:
+            raise SceneError(
+                f"Sand.friction_angle must be < {_STEEPEST:g} degrees in simple shear, found {self.friction_angle!r}:"
+                ' one from a triaxial test needs cone = "triaxial-compression"'
+            )
+        finite(self, "cohesion", low=0.0)
+        bulk_modulus = self.lame_lambda + 2 / 3 * self.shear_modulus
+        tension = self.cohesion / math.tan(math.radians(self.friction_angle))
+        if tension > _MOST_COHESION * bulk_modulus:
+            raise SceneError(
+                f"Sand.cohesion / tan(friction_angle) must be <= {_MOST_COHESION:g} of the bulk modulus"
+                f" {bulk_modulus:.3g} Pa, found {tension:.3g} Pa: lower the cohesion, raise youngs_modulus, or take"
+                " metal or plasticine, which yield at a stress of their own"
+            )
+
+    @property
+    def friction_slope(self) -> float:
+        """M, of the cone q = M (p + c / tan(friction_angle))."""
+        return self.cone.slope(self.friction_angle)
+
+    @property
+    def loosest_strain(self) -> float:
+        """ln J at the tip of the cone, where the tension c / tan(friction_angle) is all that cohesion bears."""
+        tension = self.cohesion / math.tan(math.radians(self.friction_angle))
+        return tension / (self.lame_lambda + 2 / 3 * self.shear_modulus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -115,6 +115,7 @@ def _capabilities(can: EngineCapabilities) -> dict[str, Any]:
         "moving_colliders": can.moving_colliders,
         "restitution": can.restitution,
         "material_damping": can.material_damping,
+        "cohesion": can.cohesion,
         "drives": sorted(drive.kind for drive in can.drives),
         "force_fields": sorted(force.kind for force in can.force_fields),
         "output_fields": sorted(field.value for field in can.output_fields),

@@ -182,23 +182,15 @@ PRESETS: tuple[MaterialPreset, ...] = (
         aliases=("sand",),
     ),
     MaterialPreset(
-        material=Plasticine(
-            name="wet sand", density=1700, youngs_modulus=1e6, poissons_ratio=0.3, yield_stress=3.8e3, softening=5.0,
-            residual=0.1,
+        material=Sand(
+            name="wet sand", density=1700, youngs_modulus=1e6, poissons_ratio=0.3, friction_angle=35, cohesion=1e3
         ),
-        summary="moist sand of sand castles: it stands upright and crumbles; weight adds nothing to its strength",
+        summary="moist sand of sand castles: it stands upright and slumps where it is too high or too steep",
         source="Lu, Wu and Tan 2007, J. Geotech. Geoenviron. Eng. 133, 144; Moller and Bonn 2007, Europhys. Lett. 80,"
         " 38002; Pakpour et al. 2012, Sci. Rep. 2, 549 (10.1038/srep00549)",
         ranges={
             "density": (1500, 1950), "youngs_modulus": (2e5, 3e6), "poissons_ratio": (0.2, 0.4),
-            "yield_stress": (1.9e3, 7.7e3), "softening": (0, 10), "residual": (0, 1),
-        },
-        stand_ins={
-            "yield_stress": "the strength 2 c cos(a) / (1 - sin(a)) of a free column with a cohesion c of 1 kPa and an"
-            " angle a of 35 degrees: the model of sand has no cohesion, this one no friction, so that a deep heap flows"
-            " too easily",
-            "softening": "a choice: bridges of water have broken when it has been sheared for good by a fifth",
-            "residual": "a choice: crumbs have a tenth of its strength",
+            "friction_angle": (27.5, 45), "cohesion": (5e2, 2e3),
         },
         aliases=("damp sand", "moist sand"),
     ),

@@ -107,6 +107,8 @@ def softened(material: Material, load: Load) -> Material | None:
         # Heaps do not bend.
         load = dataclasses.replace(load, thickness=load.length)
     modulus = load.least_modulus(material.density)
+    if isinstance(material, Sand):
+        modulus = max(modulus, material.cohesion / math.tan(math.radians(material.friction_angle)) / UNSEEN)
     yields_at: float = getattr(material, "yield_stress", math.inf)
     if load.stress(material.density, own) > yields_at:
         modulus = max(modulus, yields_at / UNSEEN)

@@ -66,6 +66,7 @@ def mpm_descriptor(
             moving_colliders=True,
             restitution=True,
             material_damping=True,
+            cohesion=True,
             drives=frozenset({Pinned, Driven, Impulse}),
             force_fields=frozenset({Wind}),
             output_fields=frozenset(Field),

@@ -54,6 +54,7 @@ EVERYTHING = EngineCapabilities(
     moving_colliders=True,
     restitution=True,
     material_damping=True,
+    cohesion=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -82,7 +83,7 @@ def engine(name="black-box", **less):
 SOLID = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.2}
 MATERIALS = (
     Elastic(**SOLID, stiffness_damping=1e-3),
-    Sand(**SOLID),
+    Sand(**SOLID, cohesion=0.01),
     Fluid(density=1.0, bulk_modulus=1.0),
     Rigid(density=1.0, restitution=0.5),
 )
@@ -129,6 +130,7 @@ LESS = {
     "knows no colliders that move (collider 2)": {"moving_colliders": False},
     'has no restitution of rigid bodies (object "bear")': {"restitution": False},
     'damps no elastic (object "bear")': {"material_damping": False},
+    'has no cohesion of sand (object "bucket")': {"cohesion": False},
     'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},
     'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},
     "knows no plane as a region (force field 1)": {"region_shapes": frozenset({BoxShape})},

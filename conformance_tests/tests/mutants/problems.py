@@ -17,6 +17,7 @@ from gasp_core.contract import (
     Driven,
     Elastic,
     Fluid,
+    FrictionCone,
     HalfSpace,
     Impulse,
     Material,
@@ -592,6 +593,26 @@ class SandModulusIgnored(Mutant):
         return with_materials(
             problem, lambda one: replace(one, youngs_modulus=8 * one.youngs_modulus) if isinstance(one, Sand) else one
         )
+
+
+def _with_sand(problem: PointProblem, **changes: Any) -> PointProblem:
+    return with_materials(problem, lambda one: replace(one, **changes) if isinstance(one, Sand) else one)
+
+
+@mutant("sand-as-in-compression", {"material:sand[friction]": "flow of a layer - way / frictionless"})
+class SandAsInCompression(Mutant):
+    """Whatever sand's angle was measured in, its cone is that of triaxial compression."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_sand(problem, cone=FrictionCone.TRIAXIAL_COMPRESSION)
+
+
+@mutant("sand-always-dry", {"cohesion": "cohesion that holds"})
+class SandAlwaysDry(Mutant):
+    """Sand does not cohere."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_sand(problem, cohesion=0.0)
 
 
 @mutant("friction-a-little-off", {"V12": "way error"}, slow=["V12"])

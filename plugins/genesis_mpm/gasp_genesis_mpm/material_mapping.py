@@ -5,6 +5,7 @@ A law's stresses are multiplied by a scale, in which a portion's volume is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from gasp_core.contract import Elastic, Fluid, Material, Metal, NeoHookean, Sand, Snow
@@ -42,7 +43,7 @@ def law_of(material: Material, scale: float) -> Law:
         case NeoHookean():
             return Law("Elastic", (*_moduli(material, scale), ("model", "neohooken")))
         case Sand():
-            return Law("Sand", (*_moduli(material, scale), ("friction_angle", material.friction_angle)))
+            return Law("Sand", (*_moduli(material, scale), ("friction_angle", _compression_angle(material))))
         case Snow():
             box = (("yield_lower", material.critical_compression), ("yield_higher", material.critical_stretch))
             return Law("HardeningSnow", (*_moduli(material, scale), *box, ("hardening", material.hardening)))
@@ -53,6 +54,12 @@ def law_of(material: Material, scale: float) -> Law:
             return Law("BarotropicFluid", (("E", scale * material.bulk_modulus), ("nu", 0.0)))
         case _:
             raise AssertionError(f"{material.kind} is not among the declared materials")
+
+
+def _compression_angle(material: Sand) -> float:
+    """The angle [degrees] of which Genesis, whose cone is matched to triaxial compression, makes the same cone."""
+    slope = material.friction_slope
+    return math.degrees(math.asin(3 * slope / (6 + slope)))
 
 
 def _moduli(material: Elastic | NeoHookean | Sand | Snow | Metal, scale: float) -> tuple[tuple[str, float], ...]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from gasp_genesis_mpm.material_mapping import law_of
 
-from gasp_core.contract import Elastic, Fluid, Metal, NeoHookean, Sand, Snow
+from gasp_core.contract import Elastic, Fluid, FrictionCone, Metal, NeoHookean, Sand, Snow
 
 SOLID = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
 
@@ -13,7 +13,13 @@ SOLID = {"density": 1000.0, "youngs_modulus": 1e5, "poissons_ratio": 0.3}
     [
         (Elastic(**SOLID), "Elastic", {"model": "corotation"}),
         (NeoHookean(**SOLID), "Elastic", {"model": "neohooken"}),
-        (Sand(**SOLID, friction_angle=30.0), "Sand", {"friction_angle": 30.0}),
+        (
+            Sand(**SOLID, friction_angle=30.0, cone=FrictionCone.TRIAXIAL_COMPRESSION),
+            "Sand",
+            {"friction_angle": pytest.approx(30.0)},
+        ),
+        # M = sqrt(3) tan(25 degrees) is that of 3 M / (6 + M) = sin(20.85 degrees) in triaxial compression.
+        (Sand(**SOLID, friction_angle=25.0), "Sand", {"friction_angle": pytest.approx(20.85, abs=0.01)}),
         (
             Snow(**SOLID, critical_compression=0.03, critical_stretch=0.01, hardening=6.0),
             "HardeningSnow",

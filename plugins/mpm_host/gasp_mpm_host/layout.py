@@ -58,6 +58,7 @@ LAME = 2
 """Of the points' own dilation; of a fluid, the bulk modulus."""
 VISCOSITY = 3
 CONE = 4
+"""Of sand: sqrt(2/3) M / 3."""
 INVERSE_BOUND = 5
 """1 / (largest stable step)^2 at rest."""
 MEAN_STIFFNESS = 6
@@ -85,7 +86,9 @@ BULK_VISCOSITY = 17
 """What stands before tr D I where VISCOSITY stands before 2 D: of elastic matter that is damped."""
 MASS_DAMPING = 18
 """Per unit of time."""
-MATERIAL_WIDTH = 19
+LOOSEST_STRAIN = 19
+"""Of sand: ln J at the tip of its cone."""
+MATERIAL_WIDTH = 20
 
 KINDS = {
     "elastic": 0,

@@ -102,8 +102,8 @@ def _write_flow(row: Array, material: Material, scale: float, time: float) -> No
     """What a material's return mapping reads; `scale` makes |dev tau| of a yield stress, `time` is the unit [s]."""
     match material:
         case Sand():
-            sine = math.sin(math.radians(material.friction_angle))
-            row[at.CONE] = math.sqrt(2 / 3) * 2 * sine / (3 - sine)
+            row[at.CONE] = math.sqrt(2 / 3) * material.friction_slope / 3
+            row[at.LOOSEST_STRAIN] = material.loosest_strain
         case Metal():
             row[[at.YIELD, at.RESIDUAL]] = scale * material.yield_stress
             row[at.HARDENING] = scale * material.hardening

@@ -100,12 +100,13 @@ def hencky_stress(deformation: Array, mu: float, lame: float) -> Array:
 
 
 def drucker_prager_projection(
-    deformation: Array, volume_gain: Array, mu: float, lame: float, friction_angle: float
+    deformation: Array, volume_gain: Array, mu: float, lame: float, friction_slope: float, loosest_strain: float
 ) -> tuple[Array, Array]:
-    """Bring elastic deformation back into the Drucker-Prager cone: sand slides, and bears no tension.
+    """Bring elastic deformation back into the Drucker-Prager cone: sand slides, and bears what tension cohesion does.
 
-    Klar et al. 2016 (10.1145/2897824.2925906), section 7.3, with the volume that sand gained while it was loose given
-    back before it presses again (Tampubolon et al. 2017, 10.1145/3072959.3073651, section 4.3.4).
+    Klar et al. 2016 (10.1145/2897824.2925906), section 7.3, with the tip where cohesion puts it, and with the volume
+    that sand gained while it was loose given back before it presses again (Tampubolon et al. 2017,
+    10.1145/3072959.3073651, section 4.3.4).
 
     Parameters
     ----------
@@ -113,29 +114,30 @@ def drucker_prager_projection(
         Elastic F after a trial step.
     volume_gain : (N,)
         Logarithm of the volume ratio lost to projection so far.
-    friction_angle : float
-        [degrees]
+    friction_slope : float
+        M of q = M (p + p_t).
+    loosest_strain : float
+        ln J at the tip of the cone, where the pressure is -p_t.
 
     Returns
     -------
     Projected F (N, 3, 3), volume gain (N,).
     """
     left, stretches, right = np.linalg.svd(deformation)
-    strains = np.log(np.maximum(stretches, _SMALLEST_STRETCH))
-    trace = strains.sum(axis=1) + volume_gain
-    loose = trace >= 0
+    strains = np.log(np.maximum(stretches, _SMALLEST_STRETCH)) + volume_gain[:, None] / 3
+    mean = strains.mean(axis=1, keepdims=True)
+    beyond = 3 * mean[:, 0] - loosest_strain
+    loose = beyond >= 0
 
-    strains = strains + volume_gain[:, None] / 3
-    deviator = strains - trace[:, None] / 3
+    deviator = strains - mean
     norm = np.linalg.norm(deviator, axis=1)
-    sine = math.sin(math.radians(friction_angle))
-    slope = math.sqrt(2 / 3) * 2 * sine / (3 - sine)
-    slip = np.maximum(0.0, norm + (3 * lame + 2 * mu) / (2 * mu) * trace * slope)
+    slope = math.sqrt(2 / 3) * friction_slope / 3
+    slip = np.maximum(0.0, norm + (3 * lame + 2 * mu) / (2 * mu) * beyond * slope)
     direction = deviator / np.where(norm > 0, norm, 1.0)[:, None]
-    strains = np.where(loose[:, None], 0.0, strains - slip[:, None] * direction)
+    strains = np.where(loose[:, None], loosest_strain / 3, strains - slip[:, None] * direction)
 
     projected = (left * np.exp(strains)[:, None, :]) @ right
-    return projected, np.where(loose, trace, 0.0)
+    return projected, np.where(loose, beyond, 0.0)
 
 
 def _upright(deformation: Array) -> tuple[Array, Array, Array]:

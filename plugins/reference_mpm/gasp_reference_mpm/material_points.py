@@ -204,7 +204,8 @@ def deformed(matter: Matter, motion: Motion, velocity_gradients: Array, step: fl
                     history[rows],
                     material.shear_modulus,
                     material.lame_lambda,
-                    material.friction_angle,
+                    material.friction_slope,
+                    material.loosest_strain,
                 )
             case Snow():
                 deformations[rows], history[rows] = snow_projection(

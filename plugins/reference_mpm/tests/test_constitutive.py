@@ -125,36 +125,46 @@ def test_polar_rotation_is_a_rotation_even_of_a_mirror_image(seed: int) -> None:
     np.testing.assert_allclose(np.linalg.det(rotation), 1, atol=1e-13)
 
 
-def yield_value(deformation: Array, friction_angle: float) -> tuple[Array, Array]:
-    """How far outside the cone (at most 0 is inside) and trace of the strain."""
-    strains = np.log(np.linalg.svd(deformation, compute_uv=False))
-    trace = strains.sum(axis=1)
-    sine = np.sin(np.radians(friction_angle))
-    slope = np.sqrt(2 / 3) * 2 * sine / (3 - sine)
-    deviator = np.linalg.norm(strains - trace[:, None] / 3, axis=1)
-    return deviator + (3 * LAME + 2 * MU) / (2 * MU) * trace * slope, trace
+BULK_MODULUS = LAME + 2 / 3 * MU
 
 
-@given(seed=seeds, angle=st.floats(5, 60))
-def test_sand_is_brought_into_the_cone_once(seed: int, angle: float) -> None:
+def of_mohr_and_coulomb(friction_slope: float, tension: float, stress: Array) -> Array:
+    """q - M (p + p_t) (N,) [Pa] of symmetric stresses (N, 3, 3): at most nought is borne."""
+    pressure = -np.trace(stress, axis1=1, axis2=2) / 3
+    deviator = stress + pressure[:, None, None] * np.eye(3)
+    return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(1, 2)) - friction_slope * (pressure + tension)
+
+
+@given(seed=seeds, slope=st.floats(0.1, 2.9), loosest=st.floats(0, 0.05))
+def test_sand_is_brought_into_the_cone_once(seed: int, slope: float, loosest: float) -> None:
     trial = deformations(seed, 50)
     gain = np.random.default_rng(seed).uniform(0, 0.02, 50)
-    projected, left_over = drucker_prager_projection(trial, gain, MU, LAME, angle)
-    outside, trace = yield_value(projected, angle)
-    assert outside.max() <= 1e-12
-    assert trace.max() <= 1e-12
+    projected, left_over = drucker_prager_projection(trial, gain, MU, LAME, slope, loosest)
+    trace = np.log(np.linalg.det(projected))
+    # Of strains rounding leaves some 1e-13, of stresses the stiffest modulus times as much.
+    outside = of_mohr_and_coulomb(slope, BULK_MODULUS * loosest, hencky_stress(projected, MU, LAME))
+    assert outside.max() <= 1e-12 * (MU + LAME)
+    assert trace.max() <= loosest + 1e-12
     # Shear slips without change of volume, so whatever volume is not elastic is remembered as gain.
     total = np.log(np.linalg.det(trial)) + gain
     np.testing.assert_allclose(trace + left_over, total, rtol=0, atol=1e-12)
-    again, _ = drucker_prager_projection(projected, np.zeros(50), MU, LAME, angle)
+    again, _ = drucker_prager_projection(projected, np.zeros(50), MU, LAME, slope, loosest)
     np.testing.assert_allclose(again, projected, rtol=0, atol=1e-12)
 
 
 def test_sand_inside_the_cone_is_elastic() -> None:
     pressed = 0.99 * np.eye(3)[None]
-    projected, gain = drucker_prager_projection(pressed, np.zeros(1), MU, LAME, 35.0)
+    projected, gain = drucker_prager_projection(pressed, np.zeros(1), MU, LAME, 1.2, 0.0)
     np.testing.assert_allclose(projected, pressed, rtol=0, atol=1e-15)
     assert gain[0] == 0
+
+
+def test_sand_that_coheres_is_elastic_in_tension_until_it_parts() -> None:
+    pulled = np.exp([0.001, 0.02])[:, None, None] * np.eye(3)
+    projected, gain = drucker_prager_projection(pulled, np.zeros(2), MU, LAME, 1.2, 0.03)
+    np.testing.assert_allclose(projected[0], pulled[0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(projected[1], np.exp(0.01) * np.eye(3), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(gain, [0, 0.03], rtol=0, atol=1e-14)
 
 
 def test_fluid_bulk_modulus_no_tension_no_shape() -> None:

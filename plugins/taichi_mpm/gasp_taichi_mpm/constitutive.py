@@ -80,7 +80,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         return S, dilation
 
     @ti.func
-    def sand(F, history, mu, lame, cone):
+    def sand(F, history, mu, lame, cone, loosest):
         """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
         B, V = singular_columns(F, real(cosine))
         S = _lengths(B)
@@ -96,17 +96,18 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         new_history = history
         if ti.static(advance):
             trace = e.sum() + history
+            beyond = trace - loosest
             yields = history != 0
             e += history / 3
-            if trace >= 0:
-                e = e * 0
-                new_history = trace
+            if beyond >= 0:
+                e = e * 0 + loosest / 3
+                new_history = beyond
                 yields = True
             else:
                 new_history = history * 0
                 deviator = e - trace / 3
                 size = deviator.norm()
-                excess = size + (3 * lame + 2 * mu) / (2 * mu) * trace * cone
+                excess = size + (3 * lame + 2 * mu) / (2 * mu) * beyond * cone
                 if excess > 0 and size > 0:
                     e -= (excess / size) * deviator
                     yields = True
@@ -277,7 +278,14 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                     stress[d, d] += pull
         if ti.static(has_sand):
             if ti.static(alone) or kind == is_sand:
-                G, new_history, stress = sand(G, history, mu, lame, ti.cast(materials[row + at.CONE], real))
+                G, new_history, stress = sand(
+                    G,
+                    history,
+                    mu,
+                    lame,
+                    ti.cast(materials[row + at.CONE], real),
+                    ti.cast(materials[row + at.LOOSEST_STRAIN], real),
+                )
         if ti.static(has_snow):
             if ti.static(alone) or kind == is_snow:
                 G, new_history, stress = snow(G, history, mu, lame, materials, row)

@@ -96,7 +96,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
         return lengths
 
     @wp.func
-    def sand(F: mat33, gain: real, mu: real, lame: real, cone: real):
+    def sand(F: mat33, gain: real, mu: real, lame: real, cone: real, loosest: real):
         """Hencky elasticity and a Drucker-Prager cone with volume correction (Klar et al. 2016; Tampubolon 2017)."""
         B, V = singular_columns(F, cosine)
         lengths = lengths_of(B)
@@ -115,17 +115,18 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
         new_gain = gain * one
         if advance:
             trace = e[0] + e[1] + e[2] + gain
+            beyond = trace - loosest
             yields = gain != zero
             e = e + vec3(gain / three)
-            if trace >= zero:
-                e = vec3()
-                new_gain = trace
+            if beyond >= zero:
+                e = vec3(loosest / three)
+                new_gain = beyond
                 yields = True
             else:
                 new_gain = zero
                 deviator = e - vec3(trace / three)
                 size = wp.length(deviator)
-                excess = size + (three * lame + two * mu) / (two * mu) * trace * cone
+                excess = size + (three * lame + two * mu) / (two * mu) * beyond * cone
                 if excess > zero and size > zero:
                     e = e - (excess / size) * deviator
                     yields = True
@@ -324,7 +325,9 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
                     stress[d, d] += pull
         if has_sand:
             if alone or kind == is_sand:
-                G, new_history, stress = sand(F, history, mu, lame, real(materials[row + at.CONE]))
+                G, new_history, stress = sand(
+                    F, history, mu, lame, real(materials[row + at.CONE]), real(materials[row + at.LOOSEST_STRAIN])
+                )
         if has_snow:
             if alone or kind == is_snow:
                 G, new_history, stress = snow(F, history, mu, lame, materials, row)
