@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ Examples:
   gasp-conformance my-engine --precision float32 --json my-engine.json
   gasp-conformance my-engine --device cuda
   gasp-conformance my-engine -k "core or V12"
+  gasp-conformance my-engine --write-scene "V8[4 cells]"
   gasp-conformance --list
 
 \b
@@ -50,6 +52,13 @@ engine's package; core checks cannot be excused.
 @click.option("--device", metavar="DEVICE", help="Device to run the engine on.  [default: the first it declares]")
 @click.option("--oracle", metavar="NAME", help="An engine of the same method, to compare it with point by point.")
 @click.option("--isolate", is_flag=True, help="Open every session in a process of its own, as gasp run --isolate does.")
+@click.option(
+    "--write-scene",
+    "written",
+    metavar="CHECK",
+    help="Run that check alone, and write what it gives to the engine into a folder here: a script a session, which"
+    " does the same without the suite.",
+)
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match; the verdict is then partial.")
 @click.option("--list", "listing", is_flag=True, help="List the checks and run none.")
 @click.pass_context
@@ -62,6 +71,7 @@ def conformance(
     device: str | None,
     oracle: str | None,
     isolate: bool,
+    written: str | None,
     expression: str | None,
     listing: bool,
 ) -> None:
@@ -87,6 +97,11 @@ def conformance(
         options.append("--gasp-isolate")
     if quick:
         options.append("--gasp-quick")
+    if written is not None:
+        where = Path.cwd() / "-".join(re.findall(r"[a-z0-9]+", written.casefold()))
+        if where.exists():
+            raise click.UsageError(f"{where.name} is there already: move it away")
+        options += [f"--gasp-write-scene={written}", f"--gasp-scenes={where}"]
     if expression is not None:
         options += ["-k", expression]
     with scratch_folder("gasp-conformance-") as folder:

@@ -16,7 +16,7 @@ from gasp_conformance.checks import Level
 from gasp_conformance.collection import Collected, collected_checks, is_complete
 from gasp_conformance.declarations import declared, unproven
 from gasp_conformance.deviations import FILE_NAME, Deviation
-from gasp_conformance.ledger import Figure
+from gasp_conformance.ledger import NOTE, Figure
 from gasp_conformance.report import (
     CheckResult,
     EngineIdentity,
@@ -226,6 +226,7 @@ class Examination:
             seconds=round(sum(phase.duration for phase in self._phases), 3),
             figures=tuple(figures),
             reason=reason,
+            notes=tuple(str(value) for key, value in one.item.user_properties if key == NOTE),
         )
 
     def _ending(self, name: str) -> tuple[Outcome, str]:

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["FIGURE", "Figure", "Ledger"]
+__all__ = ["FIGURE", "NOTE", "Figure", "Ledger"]
 
 FIGURE = "gasp figure"
 """Name of the pytest properties of a check that are `Figure`s."""
+NOTE = "gasp note"
+"""Of those that are text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,10 @@ class Ledger:
     def at_least(self, case: str, figure: str, value: float, bound: float) -> None:
         """Value >= bound."""
         self._enter(Figure(case=case, figure=figure, value=float(value), bound=float(bound), sense=">="))
+
+    def note(self, text: str) -> None:
+        """Text that the report keeps, which no terminal has room for."""
+        self._record(NOTE, text)
 
     def _enter(self, entry: Figure) -> None:
         self._record(FIGURE, entry)

@@ -38,6 +38,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--gasp-isolate", action="store_true", help="open every session in a process of its own")
     group.addoption("--gasp-quick", action="store_true", help="leave out the checks that take long")
     group.addoption("--gasp-report", metavar="FILE", type=Path, help="write what was found as JSON")
+    group.addoption("--gasp-write-scene", metavar="CHECK", help="run that check alone, and write what it does")
+    group.addoption("--gasp-scenes", metavar="FOLDER", type=Path, help="where to (default: scenes)")
     group.addoption("--gasp-list", action="store_true", help="list the checks and run none")
 
 
@@ -56,6 +58,8 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Listing(), "gasp-listing")
     elif name is not None:
         _examine(config, report)
+        if config.getoption("--gasp-write-scene"):
+            _write_scenes(config)
 
 
 def _find(config: pytest.Config, name: str) -> None:
@@ -71,6 +75,17 @@ def _find(config: pytest.Config, name: str) -> None:
         config.stash[_ORACLE] = find_subject(oracle, None, None) if oracle else None
     except GaspError as error:
         raise pytest.UsageError(str(error)) from None
+
+
+def _write_scenes(config: pytest.Config) -> None:
+    from gasp_conformance.scene_writing import SceneWriter
+
+    found = config.stash[_SUBJECT]
+    assert found is not None
+    folder: Path = config.getoption("--gasp-scenes") or Path("scenes")
+    writer = SceneWriter(config.getoption("--gasp-write-scene"), folder)
+    config.stash[_SUBJECT] = writer.subject(found)
+    config.pluginmanager.register(writer, "gasp-scene-writer")
 
 
 def _examine(config: pytest.Config, report: Path | None) -> None:

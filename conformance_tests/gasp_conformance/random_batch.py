@@ -43,13 +43,16 @@ class Outcome:
     reason
         What the engine said where it did not finish.
     faults
-        What must never happen; with the scene's description where there are any.
+        What must never happen.
+    scene
+        The scene with its numbers.
     """
 
     number: int
     ending: str
     reason: str
     faults: tuple[str, ...]
+    scene: str
 
 
 def run_scene(subject: Subject, number: int) -> Outcome:
@@ -59,8 +62,7 @@ def run_scene(subject: Subject, number: int) -> Outcome:
     grace = 0 if scene.accuracy.substep is None else 1
     run = watch_run(subject, scene.problem, scene.accuracy, scene.times, grace)
     reason = "" if run.finished else run.refusal or "; ".join(run.reports[-1].warnings if run.reports else ())
-    faults = (*run.faults, describe(scene)) if run.faults else ()
-    return Outcome(number=number, ending=run.ending, reason=reason, faults=faults)
+    return Outcome(number=number, ending=run.ending, reason=reason, faults=tuple(run.faults), scene=describe(scene))
 
 
 def run_batch(subject: Subject, first: int, last: int, hung_after: float = HUNG_AFTER) -> list[Outcome]:
@@ -124,7 +126,7 @@ def _one_process(
     number: int = begun[-1]
     scene = describe(random_scene(number, subject.descriptor.capabilities))
     fault = how if hung else f"took its process down, which {how}{said}"
-    return done, Outcome(number=number, ending="hung" if hung else "crashed", reason="", faults=(fault, scene))
+    return done, Outcome(number=number, ending="hung" if hung else "crashed", reason="", faults=(fault,), scene=scene)
 
 
 def _ended(process: subprocess.Popen[bytes], progress: Path, hung_after: float) -> bool:
@@ -153,7 +155,9 @@ def _main() -> None:
             outcome = run_scene(subject, number)
             print(json.dumps(asdict(outcome)), file=progress, flush=True)
             if not told:
-                print(f"{number:4d} {outcome.ending:<14} {outcome.reason}", *outcome.faults, sep="\n     ")
+                print(
+                    f"{number:4d} {outcome.ending:<14} {outcome.reason}", *outcome.faults, outcome.scene, sep="\n     "
+                )
 
 
 if __name__ == "__main__":

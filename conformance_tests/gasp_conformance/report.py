@@ -91,6 +91,8 @@ class CheckResult:
         Measured, in the order in which they were.
     reason
         Why it did not pass; "" where it did.
+    notes
+        What else it wrote down: scenes nobody would build, with all their numbers.
     """
 
     name: str
@@ -99,6 +101,7 @@ class CheckResult:
     seconds: float
     figures: tuple[Figure, ...] = ()
     reason: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def worst(self) -> Figure | None:
@@ -278,6 +281,7 @@ def _check(document: Mapping[str, Any]) -> CheckResult:
         seconds=float(document["seconds"]),
         figures=tuple(figures),
         reason=document["reason"],
+        notes=tuple(document.get("notes", ())),
     )
 
 

@@ -304,7 +304,11 @@ def _random_scenes(subject: Subject, ledger: Ledger, numbers: Iterable[int]) -> 
     case = f"random-scenes {first} to {last}"
     count = last - first + 1
     assert [outcome.number for outcome in outcomes] == list(range(first, last + 1))
-    faulty = [f"scene {outcome.number}: {'; '.join(outcome.faults)}" for outcome in outcomes if outcome.faults]
+    for outcome in outcomes:
+        if outcome.faults or outcome.ending != "ok":
+            said = "; ".join(part for part in (outcome.ending, outcome.reason, *outcome.faults) if part)
+            ledger.note(f"{outcome.scene}: {said}")
+    faulty = [f"{'; '.join(outcome.faults)}: {outcome.scene}" for outcome in outcomes if outcome.faults]
     endings = Counter(outcome.ending for outcome in outcomes)
     told = ", ".join(f"{number} {ending}" for ending, number in endings.most_common())
     assert not faulty, f"{len(faulty)} of {count} scenes ({told})\n" + "\n".join(faulty)

@@ -484,7 +484,7 @@ def test_a_hang_and_a_crash_are_told_by_number_and_the_rest_goes_on(sick: Subjec
     )
     assert raised.faults[0] == "raised KeyError instead of a GaspError: 'grid'"
     for outcome in (hung, crashed, raised):
-        assert outcome.faults[1].startswith(f"scene {outcome.number} (seed ")
+        assert outcome.scene.startswith(f"scene {outcome.number} (seed ")
     assert not outcomes[2].faults and not outcomes[5].faults
 
 
