@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_conformance.random_violence import VIOLENCE, Victim
 from gasp_conformance.specimens import specimen
 from gasp_core.contract import (
     BoxShape,
@@ -72,6 +73,8 @@ class RandomScene:
         The generator's, with `SEED`.
     cloud
         Name of the cloud's shape in `CLOUDS`.
+    violence
+        What is done to it on purpose, by its name in `VIOLENCE`; "" where nothing is.
     problem, accuracy
         What is run.
     times
@@ -80,6 +83,7 @@ class RandomScene:
 
     number: int
     cloud: str
+    violence: str
     problem: PointProblem
     accuracy: EngineAccuracy
     times: tuple[float, ...]
@@ -142,7 +146,9 @@ def random_scene(number: int, capabilities: EngineCapabilities) -> RandomScene:
         domain=_domain(rng, capabilities, positions, size),
     )
     times = tuple(float(time) for time in end * frames / frames[-1])
-    return RandomScene(number=number, cloud=cloud, problem=problem, accuracy=accuracy, times=times)
+    materials = tuple(_rarer(rng, material, capabilities) for material in materials)
+    violence, problem = _violence(rng, capabilities, replace(problem, materials=materials), wave, end)
+    return RandomScene(number=number, cloud=cloud, violence=violence, problem=problem, accuracy=accuracy, times=times)
 
 
 def describe(scene: RandomScene) -> str:
@@ -154,7 +160,7 @@ def describe(scene: RandomScene) -> str:
     grid = f"spacing {accuracy.spacing:.3g} m" if accuracy.spacing else f"resolution {accuracy.resolution}"
     step = f"substep {accuracy.substep:.3g} s" if accuracy.substep else f"fraction {accuracy.substep_fraction:.2g}"
     parts = [
-        f"{len(points)} points in {int(points.body_ids.max()) + 1} bodies ({scene.cloud}) of {points.size:.3g} m"
+        f"{len(points)} points in {int(points.body_ids.max()) + 1} bodies ({scene.cloud}{scene.violence and f', {scene.violence}'}) of {points.size:.3g} m"
         f" at ({place}) m, up to {speed:.3g} m/s",
         *(_terse(material) for material in problem.materials),
         f"gravity {math.hypot(*problem.gravity):.3g}",
@@ -249,6 +255,32 @@ _MATERIALS: Mapping[type[Material], Callable[[np.random.Generator], Material]] =
         Rigid: lambda rng: Rigid(density=_log_uniform(rng, 1e-2, 1e5)),
     }
 )
+
+
+def _rarer(rng: np.random.Generator, material: Material, can: EngineCapabilities) -> Material:
+    """The material with what few scenes ask for, where the engine declares it."""
+    often = rng.random() < 0.5
+    if isinstance(material, Elastic | NeoHookean) and can.material_damping and often:
+        sound = math.sqrt(material.youngs_modulus / material.density)
+        return replace(material, mass_damping=_log_uniform(rng, 1e-3, 1e1) * sound)
+    if isinstance(material, Sand) and can.cohesion and often:
+        bulk_modulus = material.lame_lambda + 2 / 3 * material.shear_modulus
+        borne = bulk_modulus * math.tan(math.radians(material.friction_angle))
+        return replace(material, cohesion=_log_uniform(rng, 1e-6, 0.09) * borne)
+    return material
+
+
+def _violence(
+    rng: np.random.Generator, can: EngineCapabilities, problem: PointProblem, wave: float, end: float
+) -> tuple[str, PointProblem]:
+    """To half of all scenes something is done on purpose."""
+    if rng.random() < 0.5:
+        return "", problem
+    name = list(VIOLENCE)[rng.integers(len(VIOLENCE))]
+    victim = Victim(problem=problem, direction=_direction(rng), wave=wave, end=end)
+    changed = VIOLENCE[name](rng, can, victim)
+    return ("", problem) if changed is None else (name, changed)
+
 
 # Clouds: (N, 3) within a unit cube or so ------------------------------------------------------------------------------
 
