@@ -159,8 +159,9 @@ def describe(scene: RandomScene) -> str:
     speed = float(np.linalg.norm(points.initial_velocities, axis=1).max())
     grid = f"spacing {accuracy.spacing:.3g} m" if accuracy.spacing else f"resolution {accuracy.resolution}"
     step = f"substep {accuracy.substep:.3g} s" if accuracy.substep else f"fraction {accuracy.substep_fraction:.2g}"
+    done = ", ".join(filter(None, (scene.cloud, scene.violence)))
     parts = [
-        f"{len(points)} points in {int(points.body_ids.max()) + 1} bodies ({scene.cloud}{scene.violence and f', {scene.violence}'}) of {points.size:.3g} m"
+        f"{len(points)} points in {int(points.body_ids.max()) + 1} bodies ({done}) of {points.size:.3g} m"
         f" at ({place}) m, up to {speed:.3g} m/s",
         *(_terse(material) for material in problem.materials),
         f"gravity {math.hypot(*problem.gravity):.3g}",

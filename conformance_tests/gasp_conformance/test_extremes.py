@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gasp_conformance import extreme_cases as cases
-from gasp_conformance import impact_cases, slow_cases
+from gasp_conformance import impact_cases, slow_cases, splat_cases
 from gasp_conformance.bounds import rounding, unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
@@ -218,6 +218,17 @@ def test_degenerate_clouds(subject: Subject, ledger: Ledger) -> None:
             _sound(name, fall.run)
             continue
         _falls(subject, ledger, name, fall)
+
+
+@check("slivers", Level.EXTREMES)
+def test_slivers(subject: Subject, ledger: Ledger) -> None:
+    """A splat's points, most of them in slivers and of very unequal volume, cost no more steps than even ones."""
+    dropped = splat_cases.slivers_fall(subject)
+    _done(f"slivers in at most {dropped.limit} substeps a frame", dropped.run)
+    # All points start and fall alike, whatever they stand for.
+    ledger.at_most(
+        "slivers", "distance from free fall [m]", dropped.flight_error, 1.05 * dropped.euler_error + _preserved(subject)
+    )
 
 
 @check("inversion", Level.EXTREMES)

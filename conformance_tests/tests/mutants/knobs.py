@@ -10,6 +10,7 @@ import numpy as np
 from gasp_reference_mpm.engine import ReferenceMpm
 from gasp_reference_mpm.plugin import CAPABILITIES
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from gasp_core.contract import EngineAccuracy, PointProblem
 from gasp_core.errors import SceneError
@@ -55,6 +56,20 @@ class CellsNeverBelowACentimetre(Mutant):
 
     def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
         return replace(accuracy, spacing=max(0.01, accuracy.spacing_for(problem.points.size)))
+
+
+@mutant("steps-by-the-nearest", {"slivers": "substep_limit"})
+class StepsByTheNearest(Mutant):
+    """Its step is the time that sound takes from the nearest point to the next, as of a mesh."""
+
+    def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
+        positions = problem.points.reference_positions
+        if accuracy.substep is not None or len(positions) < 2:
+            return accuracy
+        nearest = float(cKDTree(positions).query(positions, k=2)[0][:, 1].min())
+        spacing = accuracy.spacing_for(problem.points.size)
+        share = min(1.0, max(nearest / (spacing / 2), 1e-3))
+        return replace(accuracy, substep_fraction=accuracy.substep_fraction * share)
 
 
 @mutant("refuses-nothing", {"refusals": "an empty checkpoint is accepted"})
