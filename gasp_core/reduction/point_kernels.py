@@ -24,7 +24,9 @@ def affine_maps(points, displacements, rows, neighbours, reach, torn, table, chu
     """For each point of `rows` the affine fit y -> y + b + G y to its own displacement and its neighbours', in `table`.
 
     A neighbour that is more than `torn` times as far as at rest has been torn off and does not count; one that is the
-    point itself stands for none. Weights go as (1 - (r / reach)^2)^2.
+    point itself stands for none. Weights go as (1 - (r / reach)^2)^2. Of what is left no gradient may stretch by more
+    than that either: where matter is stirred, the few neighbours that stayed may lie along a line by chance, and tell
+    across it whatever their scatter is. The gradient is then shrunk towards none, |I + G| to that of I times `torn`.
     """
     count, most = len(rows), neighbours.shape[1]
     for chunk in numba.prange(chunks):
@@ -101,6 +103,15 @@ def affine_maps(points, displacements, rows, neighbours, reach, torn, table, chu
                         row[3 + 3 * i + j] = (
                             a0 * inverse[0, j] + a1 * inverse[1, j] + a2 * inverse[2, j]
                         ) / determinant
+                size = 0.0
+                for entry in range(3, 12):
+                    size += row[entry] * row[entry]
+                spread = row[3] + row[7] + row[11]
+                excess = 3.0 * (torn * torn - 1.0)
+                if size + 2.0 * spread > excess:
+                    share = (np.sqrt(spread * spread + size * excess) - spread) / size
+                    for entry in range(3, 12):
+                        row[entry] *= share
                 # The fit goes through the mean of the neighbourhood.
                 c0 += points[p, 0]
                 c1 += points[p, 1]

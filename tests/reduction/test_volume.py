@@ -128,6 +128,18 @@ def test_what_flows_apart_keeps_gaussians_whole():
     assert np.median(lengths) == pytest.approx(1.0, abs=1e-6) and (lengths < 2).mean() > 0.99
 
 
+@pytest.mark.parametrize("scatter", [0.3, 1.0, 3.0])
+def test_what_is_stirred_stretches_no_gaussian_beyond_what_tears(scatter):
+    body = assembled(shell(SHAPES["cube"], count=2_000)).bodies[0]
+    points = body.points.stop - body.points.start
+    assert isinstance(body.carrier, PointFrames)
+    stirred = np.random.default_rng(0).normal(0, scatter * body.carrier.spacing, (points, 3))
+    moved, rest = moved_simplices(body, stirred), body.block.rest
+    edges, before = (np.linalg.norm(np.diff(each, axis=1), axis=2) for each in (moved, rest))
+    # The size of a matrix of three stretches of at most 2, and rounding of short edges far from the origin.
+    assert (edges <= np.sqrt(3) * 2.0 * before + 1e-12).all()
+
+
 def test_neighbours_are_never_across_a_gap():
     box = SHAPES["thin box"]
     lower = shell(box)
