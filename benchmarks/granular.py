@@ -9,8 +9,9 @@ degrees of repose, as in the experiments. How far it has run beyond L, over L, b
 a = 0.7 and a^(1/3) above (Lajeunesse et al. 2005, 10.1063/1.2087459); and its slope between a fifth and four fifths of
 its height. "round": a quarter of a cylinder of radius R, how far it has run over R beside 1.24 a up to a = 1.7 and
 1.6 a^(1/2) above (Lube et al. 2004, 10.1017/S0022112004009036). The edge is where sand is deeper than L / 32, two
-grains or so in the experiments; cells are those across L. "slopes": up to which slope a layer of two cells stays, by
-halving.
+grains or so in the experiments; cells are those across L. "slopes": on which slope a layer two cells deep and 16 long
+would stay, by how fast it flows down one half as steep again; its ends, which nothing holds, make it faster, by up to
+H / (2 L) of its weight.
 """
 
 import argparse
@@ -111,14 +112,13 @@ def cylinder(subject, ratio, cells):
     )
 
 
-def steepest(subject, cone, angle):
-    """Slope [degrees] on which the way of a layer is a twentieth of that without friction."""
+def flows_as(subject, cone, angle):
+    """The slope [degrees] on which a layer would stay, by how it flows down one half as steep again."""
     material = Sand(density=1600, youngs_modulus=3e5, poissons_ratio=0.2, friction_angle=angle, cone=cone)
-    low, high = 5.0, 70.0
-    while high - low > 0.25:
-        middle = (low + high) / 2
-        low, high = (low, middle) if sand_cases.layer_on_slope(subject, material, middle) > 0.05 else (middle, high)
-    return (low + high) / 2
+    friction = material.friction_slope / math.sqrt(3)
+    slope = math.degrees(math.atan(1.5 * friction))
+    share = sand_cases.layer_on_slope(subject, material, slope)
+    return math.degrees(math.atan(1.5 * friction * (1 - share))), math.degrees(math.atan(friction))
 
 
 def main():
@@ -139,17 +139,10 @@ def main():
     if "slopes" in given.only:
         for cone in FrictionCone:
             for angle in (15.0, 31.0, 45.0):
-                stands = math.degrees(
-                    math.atan(
-                        Sand(
-                            density=1, youngs_modulus=1, poissons_ratio=0, friction_angle=angle, cone=cone
-                        ).friction_slope
-                        / math.sqrt(3)
-                    )
-                )
+                found, expected = flows_as(subject, cone, angle)
                 print(
-                    f"{cone.value:20} {angle:g} degrees  stays up to {steepest(subject, cone, angle):.1f}"
-                    f" degrees, {stands:.1f} by its cone",
+                    f"{cone.value:20} {angle:g} degrees  flows as if a slope of {found:.1f} degrees held it,"
+                    f" {expected:.1f} by its cone",
                     flush=True,
                 )
 
