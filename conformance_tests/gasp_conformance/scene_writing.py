@@ -33,7 +33,6 @@ from gasp_core.contract import (
     PointEngine,
     PointProblem,
     PointState,
-    Precision,
     StepReport,
 )
 from gasp_core.io.atomic import replacing
@@ -105,41 +104,96 @@ def _is_default(value: Any, declared: dataclasses.Field[Any]) -> bool:
     return declared.default is not dataclasses.MISSING and bool(value == declared.default)
 
 
+@dataclass(slots=True, kw_only=True)
+class _Script:
+    """A script that grows with what a session is asked."""
+
+    path: Path
+    heading: str
+    imports: str
+    problem: str
+    accuracy: str
+    engine: str
+    times: list[float] = field(default_factory=list[float])
+    fields: frozenset[Field] = frozenset({Field.POSITIONS})
+
+    @classmethod
+    def begin(
+        cls, path: Path, heading: str, problem: PointProblem, accuracy: EngineAccuracy, engine: tuple[Any, ...]
+    ) -> _Script:
+        """Write the arrays, once, and a script that asks nothing yet."""
+        words = _Words(imports={"gasp_conformance.subject": {"find_subject"}, _HOME: {"Field"}})
+        script = cls(
+            path=path,
+            heading=heading,
+            problem=words.of(problem),
+            accuracy=words.of(accuracy),
+            engine=", ".join(words.of(part) for part in engine),
+            imports="\n".join(
+                f"from {home} import {', '.join(sorted(names))}" for home, names in sorted(words.imports.items())
+            ),
+        )
+        with replacing(path.with_suffix(".npz")) as stream:
+            np.savez_compressed(cast("Any", stream), **words.arrays)
+        script.write()
+        return script
+
+    def write(self) -> None:
+        """As far as it goes now."""
+        text = f'''"""{self.heading}
+
+    python {self.path.name}
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+{self.imports}
+
+ARRAYS = np.load(Path(__file__).with_suffix(".npz"))
+PROBLEM = {self.problem}
+ACCURACY = {self.accuracy}
+TIMES = {pprint.pformat(self.times, width=_WIDTH, compact=True)}
+FIELDS = {_Words().of(self.fields)}
+
+with find_subject({self.engine}).open(PROBLEM, ACCURACY, FIELDS) as session:
+    for time in TIMES:
+        report = session.advance_to(time)
+        state = session.read(FIELDS)
+        low, high = state.positions.min(axis=0), state.positions.max(axis=0)
+        print(f"{{time:.6g}} s  {{report.status.value}}  {{report.substep_count}} substeps  from {{low}} to {{high}} m")
+        for warning in report.warnings:
+            print(f"    {{warning}}")
+'''
+        with replacing(self.path) as stream:
+            stream.write(text.encode())
+
+
 @dataclass(slots=True)
 class _WritingSession:
-    """A session that remembers what it was asked, and writes it down when it is closed."""
+    """A session whose script knows what it is asked before it does it: it may take the process down."""
 
     session: EngineSession
-    path: Path
-    check: str
-    engine: tuple[str, Precision, str]
-    problem: PointProblem
-    accuracy: EngineAccuracy
-    times: list[float] = field(default_factory=list[float])
-    fields: set[Field] = field(default_factory=set[Field])
+    script: _Script
 
     def __enter__(self) -> Self:
         self.session.__enter__()
         return self
 
     def __exit__(self, *raised: Any) -> None:
-        _write(self)
         self.session.__exit__(*raised)
 
     def advance_to(self, time: float) -> StepReport:
-        self.times.append(float(time))
+        self.script.times.append(float(time))
+        self.script.write()
         return self.session.advance_to(time)
 
     def read(self, fields: frozenset[Field]) -> PointState:
-        self.fields |= fields
+        if not fields <= self.script.fields:
+            self.script.fields |= fields
+            self.script.write()
         return self.session.read(fields)
-
-    def checkpoint(self) -> Mapping[str, NDArray[Any]]:
-        return self.session.checkpoint()
-
-    def close(self) -> None:
-        _write(self)
-        self.session.close()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.session, name)
@@ -170,63 +224,15 @@ class WritingEngine:
     def open(self, problem: PointProblem, *, accuracy: EngineAccuracy, **rest: Any) -> EngineSession:
         """A session that writes itself down."""
         self.opened += 1
-        precision: Precision = rest["precision"]
-        session = _WritingSession(
-            self.engine.open(problem, accuracy=accuracy, **rest),
-            self.folder / f"scene-{self.opened}.py",
-            self.check,
-            (self.name, precision, rest["device"]),
-            problem,
-            accuracy,
-        )
-        # Written before anything may go wrong, and again with all that was asked.
-        _write(session)
-        return cast("EngineSession", session)
+        heading = f'What check "{self.check}" does with {self.name}.'
+        if rest.get("restart") is not None:
+            heading += " It went on from a checkpoint, which this script does not have: it begins at the start."
+        path = self.folder / f"scene-{self.opened}.py"
+        script = _Script.begin(path, heading, problem, accuracy, (self.name, rest["precision"], rest["device"]))
+        return cast("EngineSession", _WritingSession(self.engine.open(problem, accuracy=accuracy, **rest), script))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.engine, name)
-
-
-def _write(session: _WritingSession) -> None:
-    words = _Words(imports={"gasp_conformance.subject": {"find_subject"}})
-    problem, accuracy = words.of(session.problem), words.of(session.accuracy)
-    name, precision, device = session.engine
-    engine = f"{name!r}, {words.of(precision)}, {device!r}"
-    fields = words.of(frozenset(session.fields) | {Field.POSITIONS})
-    imports = "\n".join(
-        f"from {home} import {', '.join(sorted(names))}" for home, names in sorted(words.imports.items())
-    )
-    times = pprint.pformat(session.times, width=_WIDTH, compact=True)
-    text = f'''"""What check "{session.check}" does with {name}.
-
-    python {session.path.name}
-"""
-
-from pathlib import Path
-
-import numpy as np
-
-{imports}
-
-ARRAYS = np.load(Path(__file__).with_suffix(".npz"))
-PROBLEM = {problem}
-ACCURACY = {accuracy}
-TIMES = {times}
-FIELDS = {fields}
-
-with find_subject({engine}).open(PROBLEM, ACCURACY, FIELDS) as session:
-    for time in TIMES:
-        report = session.advance_to(time)
-        state = session.read(FIELDS)
-        low, high = state.positions.min(axis=0), state.positions.max(axis=0)
-        print(f"{{time:.6g}} s  {{report.status.value}}  {{report.substep_count}} substeps  from {{low}} to {{high}} m")
-        for warning in report.warnings:
-            print(f"    {{warning}}")
-'''
-    with replacing(session.path.with_suffix(".npz")) as stream:
-        np.savez_compressed(cast("Any", stream), **words.arrays)
-    with replacing(session.path) as stream:
-        stream.write(text.encode())
 
 
 class SceneWriter:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from gasp_core.contract import Collider, EngineAccuracy, PointCloud, PointProble
 
 __all__ = ["Dropped", "slivers_fall", "slivers_on_a_ball"]
 
-Array = NDArray
+Array = NDArray[Any]
 
 GRAVITY = 9.81
 _CELLS = 8

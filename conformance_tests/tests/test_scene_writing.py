@@ -51,6 +51,31 @@ def test_a_script_makes_the_very_problem(tmp_path: Path, number: int) -> None:
     assert replace(problem, points=scene.problem.points) == scene.problem
 
 
+class Falls:
+    """Refuses to open, or falls over when it is first asked to advance."""
+
+    def __init__(self, opens: bool) -> None:
+        self.opens = opens
+
+    def open(self, problem: PointProblem, **_: Any) -> Any:
+        if not self.opens:
+            raise RuntimeError
+        return self
+
+    def advance_to(self, time: float) -> None:
+        raise RuntimeError
+
+
+@pytest.mark.parametrize(("opens", "asked"), [(False, []), (True, [0.5])])
+def test_what_an_engine_falls_over_is_written_before_it_does(tmp_path: Path, opens: bool, asked: list[float]) -> None:
+    found = find_subject(ENGINE, None, None)
+    scene = random_scene(0, found.descriptor.capabilities)
+    engine = WritingEngine(cast("PointEngine", Falls(opens)), tmp_path, found.name, "a check")
+    with pytest.raises(RuntimeError):
+        replace(found, engine=cast("PointEngine", engine)).open(scene.problem, scene.accuracy).advance_to(0.5)
+    assert made(tmp_path / "scene-1.py")[2] == asked
+
+
 def test_the_script_does_what_the_check_did(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     ran = CliRunner().invoke(conformance, [ENGINE, "--precision", "float64", "--write-scene", "drift"])

@@ -175,13 +175,11 @@ class Sand(_Solid):
                 ' one from a triaxial test needs cone = "triaxial-compression"'
             )
         finite(self, "cohesion", low=0.0)
-        bulk_modulus = self.lame_lambda + 2 / 3 * self.shear_modulus
-        tension = self.cohesion / math.tan(math.radians(self.friction_angle))
-        if tension > _MOST_COHESION * bulk_modulus:
+        if self.loosest_strain > _MOST_COHESION:
             raise SceneError(
-                f"Sand.cohesion / tan(friction_angle) must be <= {_MOST_COHESION:g} of the bulk modulus"
-                f" {bulk_modulus:.3g} Pa, found {tension:.3g} Pa: lower the cohesion, raise youngs_modulus, or take"
-                " metal or plasticine, which yield at a stress of their own"
+                f"Sand.cohesion / tan(friction_angle) must be <= {_MOST_COHESION:g} of the bulk modulus, found"
+                f" {self.loosest_strain:.3g} of it, {self.tension_limit:.3g} Pa: lower the cohesion, raise"
+                " youngs_modulus, or take metal or plasticine, which yield at a stress of their own"
             )
 
     @property
@@ -190,10 +188,14 @@ class Sand(_Solid):
         return self.cone.slope(self.friction_angle)
 
     @property
+    def tension_limit(self) -> float:
+        """c / tan(friction_angle) [Pa], the tension from all sides that cohesion bears: the tip of the cone."""
+        return self.cohesion / math.tan(math.radians(self.friction_angle))
+
+    @property
     def loosest_strain(self) -> float:
-        """ln J at the tip of the cone, where the tension c / tan(friction_angle) is all that cohesion bears."""
-        tension = self.cohesion / math.tan(math.radians(self.friction_angle))
-        return tension / (self.lame_lambda + 2 / 3 * self.shear_modulus)
+        """ln J at the tip of the cone."""
+        return self.tension_limit / (self.lame_lambda + 2 / 3 * self.shear_modulus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -108,7 +108,7 @@ def softened(material: Material, load: Load) -> Material | None:
         load = dataclasses.replace(load, thickness=load.length)
     modulus = load.least_modulus(material.density)
     if isinstance(material, Sand):
-        modulus = max(modulus, material.cohesion / math.tan(math.radians(material.friction_angle)) / UNSEEN)
+        modulus = max(modulus, material.tension_limit / UNSEEN)
     yields_at: float = getattr(material, "yield_stress", math.inf)
     if load.stress(material.density, own) > yields_at:
         modulus = max(modulus, yields_at / UNSEEN)
