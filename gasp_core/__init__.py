@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         SplatObject,
         Swing,
         VaryingMaterial,
+        Viewpoint,
         Wave,
         load_scene,
         material_preset,
@@ -114,6 +115,7 @@ __all__ = [
     "SteadyMotion",
     "Swing",
     "VaryingMaterial",
+    "Viewpoint",
     "Wave",
     "Wind",
     "compare",
@@ -141,8 +143,8 @@ _HOMES = {
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "Bend CameraChoice ContactRule EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion"
-        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Wave load_scene material_preset"
-        " scene_to_toml"
+        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Viewpoint Wave load_scene"
+        " material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",
     "gasp_core.solid": "SolidOptions",

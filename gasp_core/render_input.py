@@ -91,6 +91,17 @@ class RenderInput:
             scales=gaussians.scales,
         )
 
+    def select(self, rows: Array | slice) -> RenderInput:
+        """Some of them: a mask, numbers or a slice of rows."""
+        optional = ("quaternions", "scales", "covariances", "turns")
+        chosen = {name: getattr(self, name) for name in optional}
+        return RenderInput(
+            means=self.means[rows],
+            opacities=self.opacities[rows],
+            harmonics=self.harmonics[rows],
+            **{name: None if values is None else values[rows] for name, values in chosen.items()},
+        )
+
     def __len__(self) -> int:
         return len(self.means)
 

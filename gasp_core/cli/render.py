@@ -26,6 +26,7 @@ Examples:
   gasp render plant.gasp -o frames/ --size 512 --background transparent
   gasp render plant.gasp -o last.png --frame 50 --camera cameras.json:12
   gasp render plant.gasp -o around.mp4 --turntable --slower 4
+  gasp render thrown.gasp -o along.mp4 --follow --camera right
   gasp render plant.splat -o look.png             a splat file, as it is
 
 \b
@@ -56,6 +57,11 @@ A camera of its own can stand in the scene file:
 @click.option("--from", "position", metavar="X Y Z", nargs=3, type=float, help="Where the camera stands instead [m].")
 @click.option("--to", "target", metavar="X Y Z", nargs=3, type=float, help="What it looks at then [m].")
 @click.option("--turntable", is_flag=True, help="Go around once during the film.")
+@click.option(
+    "--follow/--stand",
+    default=None,
+    help="Go along with what moves, or not. [default: where it goes several times as far as it is large]",
+)
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame alone, counted from 0.")
 @click.option("--slower", metavar="TIMES", type=click.FloatRange(min=0.01, max=1000), default=1.0, help="Slow motion.")
 @click.option(
@@ -72,6 +78,7 @@ def render(
     position: tuple[float, float, float] | None,
     target: tuple[float, float, float] | None,
     turntable: bool,
+    follow: bool | None,
     frame: int | None,
     slower: float,
     background: str,
@@ -96,6 +103,7 @@ def render(
         camera=choice,
         frames=good if frame is None else [frame],
         turntable=turntable,
+        follow=follow,
         slower=slower,
         background=background,
         up=_axis(up),

@@ -132,7 +132,7 @@ def run(
             print_estimate(found, loaded, filmed=bool(films))
         return
     with resumable(folder, command):
-        with filmed(folder, loaded, films, size, frames) as recorded:
+        with filmed(folder, loaded, films, size, frames, False if as_json else None) as recorded:
             recording = simulate(
                 loaded,
                 engine=engine,
@@ -173,7 +173,12 @@ def print_outcome(recording: Recording) -> None:
 
 @contextmanager
 def filmed(
-    folder: Path, scene: Scene, films: tuple[Path, ...], size: tuple[int, int], frames: int | None
+    folder: Path,
+    scene: Scene,
+    films: tuple[Path, ...],
+    size: tuple[int, int],
+    frames: int | None,
+    progress: bool | None,
 ) -> Generator[Callable[[int], None] | None]:
     """Something to tell each new frame to; the films are there in the end, or a line on stderr that says why not."""
     if not films:
@@ -181,15 +186,13 @@ def filmed(
         return
     from gasp_core.rendering.live import LiveFilm
 
-    film = LiveFilm(folder, scene, films, width=size[0], height=size[1], frames=frames)
+    film = LiveFilm(folder, scene, films, width=size[0], height=size[1], frames=frames, progress=progress)
     try:
         with film:
             yield film.recorded
     finally:
         if film.problem:
             click.echo(f"not filmed: {film.problem}; the run is not harmed by that: gasp render films it", err=True)
-    if film.left_the_picture():
-        click.echo(f"matter left the picture: gasp render {shlex.quote(str(folder))} shows all of it", err=True)
 
 
 @contextmanager

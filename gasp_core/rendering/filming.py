@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from gasp_core.errors import RenderingError
+from gasp_core.errors import RenderingError, SceneError
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
-from gasp_core.rendering.footage import RecordedFootage, open_footage
+from gasp_core.rendering.footage import Footage, RecordedFootage, open_footage
 from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
@@ -32,6 +33,7 @@ def render(
     camera: str | CameraChoice | None = None,
     frames: Sequence[int] | None = None,
     turntable: bool = False,
+    follow: bool | None = None,
     slower: float = 1.0,
     background: str = "white",
     up: UpAxis = "-y",
@@ -53,12 +55,14 @@ def render(
         Width and height of a picture.
     camera
         A named view ("three-quarter", "front", "right", "back", "left", "top"), "cameras.json:3",
-        "transforms.json:NAME", or a `CameraChoice`. None: the scene's, else three-quarter. Named views have the whole
-        motion in the picture.
+        "transforms.json:NAME", or a `CameraChoice`. None: the scene's, else three-quarter. Named views have all that
+        moves in the picture.
     frames
         Numbers of the frames to show; None: all.
     turntable
-        Go around once during the film.
+        Go around once during the film, from a named view.
+    follow
+        A named view goes along with what moves; None: where it goes several times as far as it is large.
     slower
         Slow motion: 2 makes the film twice as long.
     background
@@ -81,8 +85,8 @@ def render(
     if not (math.isfinite(slower) and slower > 0):
         raise RenderingError(f"slower must be a number > 0, found {slower!r}")
     colour = parse_background(background)
-    choice = read_choice(camera) if isinstance(camera, str) else camera
     footage = RecordedFootage(run) if isinstance(run, Recording) else open_footage(run, up)
+    choice = _choice(footage, read_choice(camera) if isinstance(camera, str) else camera, turntable, follow)
     count = footage.frame_count
     chosen = list(range(count) if frames is None else frames)
     for number in chosen:
@@ -94,12 +98,20 @@ def render(
         chosen *= _TURN
     motion = motion_of(footage, chosen)
     width, height = size
+    painting = open_renderer(renderer)
     cameras = cameras_for(
-        footage, choice, motion=motion, count=len(chosen), width=width, height=height, turning=turntable
+        footage,
+        choice,
+        motion=motion,
+        subject=footage.subject,
+        numbers=chosen,
+        renderer=painting,
+        width=width,
+        height=height,
     )
     rate, title = footage.frame_rate / slower, footage.path.name
     outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
-    painter = FramePainter(footage, open_renderer(renderer), motion=motion, background=colour)
+    painter = FramePainter(footage, painting, motion=motion, background=colour)
     with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:
         for output in outputs:
             stack.enter_context(output)
@@ -110,3 +122,16 @@ def render(
                 for output in wanting:
                     output.take(picture, number / footage.frame_rate)
             painted()
+
+
+def _choice(footage: Footage, said: CameraChoice | None, turntable: bool, follow: bool | None) -> CameraChoice | None:
+    """A camera that turns or follows as it is asked to."""
+    if not turntable and follow is None:
+        return said
+    # A turn around all of it is not asked of the camera that a scene has.
+    choice = said or (CameraChoice() if turntable else footage.camera) or CameraChoice()
+    try:
+        return replace(choice, turns=1.0 if turntable else choice.turns, follow=follow)
+    except SceneError as error:
+        wish = "a turntable starts" if turntable else "what is followed is seen"
+        raise RenderingError(f"{wish} from a named view: {error}") from None

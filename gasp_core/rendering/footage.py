@@ -17,17 +17,20 @@ from gasp_core.render_input import RenderInput
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placed_solid import PlacedSolid
-from gasp_core.scene.placement import Placement
+from gasp_core.scene.placement import Placement, robust_box
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["Footage", "RecordedFootage", "Still", "open_footage"]
+__all__ = ["Footage", "Moving", "RecordedFootage", "Still", "open_footage"]
 
 Array = NDArray[Any]
 
+_BACKDROP = 3.0
+"""Times the size of what moves, from which on an object that stands still is what it moves before."""
 
-class Footage(Protocol):
-    """Frames to be shown, in metres and +z up."""
+
+class Moving(Protocol):
+    """What is to be in the pictures, frame by frame, in metres and +z up."""
 
     @property
     def path(self) -> Path:
@@ -38,6 +41,18 @@ class Footage(Protocol):
     def frame_count(self) -> int:
         """Frames there are now; grows while a run goes on."""
         ...
+
+    def subject(self, frame: int) -> RenderInput:
+        """Of what is drawn in a frame, that which is to be in the picture."""
+        ...
+
+    def positions(self, frame: int) -> Array:
+        """Centres of the subject, (M, 3) [m], cheaper than `subject`."""
+        ...
+
+
+class Footage(Moving, Protocol):
+    """Frames to be shown."""
 
     @property
     def frame_rate(self) -> float:
@@ -56,10 +71,6 @@ class Footage(Protocol):
 
     def splats(self, frame: int) -> RenderInput:
         """What is drawn in a frame."""
-        ...
-
-    def positions(self, frame: int) -> Array:
-        """Centres of what is drawn, (M, 3) [m], cheaper than `splats`."""
         ...
 
     def placement(self, name: str | None) -> Placement:
@@ -98,14 +109,35 @@ class RecordedFootage:
         """What is drawn in a frame."""
         return self.recording.splats(frame)
 
+    def subject(self, frame: int) -> RenderInput:
+        """What moves, and what stands still beside it, but for a backdrop."""
+        return self.recording.splats(frame).select(self.in_subject)
+
     def positions(self, frame: int) -> Array:
-        """Means of all Gaussians: first vertices of the moved simplices, and those that never move."""
+        """Means of the subject: first vertices of the moved simplices, and those that never move."""
         moved = [simplices[:, 0] for simplices in self.recording.simplices(frame).values()]
         return np.concatenate([self._still, *moved])
 
     @cached_property
     def _still(self) -> Array:
-        return self.recording.reference.means[~self.recording.moving]
+        return self.recording.reference.means[self.in_subject & ~self.recording.moving]
+
+    @cached_property
+    def in_subject(self) -> Array:
+        """Mask (N,) of the drawn Gaussians without those of objects that stand still and are much larger than all that
+        moves.
+        """
+        means = self.recording.reference.means
+        chosen = np.ones(len(means), dtype=bool)
+        simulated = {body.item for body in self.recording.header.bodies}
+        entries = self.recording.header.objects
+        moved = [means[entries[item].first : entries[item].last] for item in sorted(simulated)]
+        if moved:
+            size = _size(np.concatenate(moved))
+            for item, entry in enumerate(entries):
+                rows = slice(entry.first, entry.last)
+                chosen[rows] = item in simulated or _size(means[rows]) <= _BACKDROP * size
+        return chosen
 
     def placement(self, name: str | None) -> Placement:
         """How an object's file was put into the world."""
@@ -135,8 +167,12 @@ class Still:
         """All there is."""
         return RenderInput.of(self._placed.gaussians)
 
+    def subject(self, frame: int) -> RenderInput:
+        """What does not float apart from the rest."""
+        return RenderInput.of(self._placed.gaussians).select(~self._placed.floating)
+
     def positions(self, frame: int) -> Array:
-        """Means of what does not float apart from the rest."""
+        """Means of the subject."""
         return self._placed.gaussians.means[~self._placed.floating]
 
     def solid(self) -> PlacedSolid:
@@ -169,3 +205,11 @@ def open_footage(path: str | Path, up: UpAxis = "-y") -> Footage:
     if path.suffix == ".gasp" or (path / "zarr.json").exists():
         return RecordedFootage(Recording.open(path))
     return Still(path, up)
+
+
+def _size(means: Array) -> float:
+    """Diagonal of the box of means (N, 3) but for what is outermost; 0 of none."""
+    if len(means) == 0:
+        return 0.0
+    lower, upper = robust_box(means)
+    return float(np.linalg.norm(upper - lower))

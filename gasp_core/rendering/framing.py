@@ -1,4 +1,4 @@
-"""Cameras that see all of a motion without being told where to stand."""
+"""Where matter goes, and from where the points of it are in a picture."""
 
 from __future__ import annotations
 
@@ -12,26 +12,19 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
 from gasp_core.rendering.camera import Camera, look_at
-from gasp_core.rendering.footage import Footage
+from gasp_core.rendering.footage import Moving
 from gasp_core.scene.placement import robust_box
 
-__all__ = ["VIEWS", "Motion", "frame_motion", "motion_of", "turntable"]
+__all__ = ["Motion", "direction", "distance_for", "frame_motion", "framed", "motion_of", "orbiting"]
 
 Array = NDArray[Any]
 
-VIEWS: dict[str, tuple[float, float]] = {
-    "three-quarter": (35.0, 18.0),
-    "front": (0.0, 8.0),
-    "right": (90.0, 8.0),
-    "back": (180.0, 8.0),
-    "left": (270.0, 8.0),
-    "top": (0.0, 89.0),
-}
-"""Views by name: degrees around from the front (seen along +y) to the right, and degrees above the horizon."""
-
-_MARGIN = 1.08
+_MARGIN = 1.15
+"""Half a picture over how far from its middle matter may come: a twentieth at each edge, and a little for rounding."""
 _FIELD_OF_VIEW = 35.0
-_FRAMES = 24
+_NEAREST = 2e-3
+"""Of what is looked at, that it stays away from it at the least."""
+_FRAMES = 48
 """Frames whose extent is measured: motion is smooth, and reading all of a long recording takes its time."""
 _POINTS = 4_000
 """Of a frame: what a picture's edge cuts off beside them cannot be seen."""
@@ -45,9 +38,12 @@ class Motion:
     ----------
     points : (M, 3) [m]
         A sample of all places.
+    frames : (M,)
+        Numbers of the frames they are in.
     """
 
     points: Array
+    frames: Array
 
     @property
     def lower(self) -> Array:
@@ -67,14 +63,28 @@ class Motion:
     @property
     def reach(self) -> float:
         """Length of the box's diagonal [m], more than nothing even for one point."""
-        return max(float(np.linalg.norm(self.upper - self.lower)), 1e-6 * max(1.0, float(np.abs(self.upper).max())))
+        return _reach(self.lower, self.upper)
 
-    def moved(self, shift: Array) -> Motion:
-        """The same, and as much again elsewhere."""
-        return Motion(points=np.concatenate([self.points, self.points + shift]))
+    @property
+    def size(self) -> float:
+        """Largest diagonal [m] of the box of a single frame."""
+        clouds = [self.points[self.frames == frame] for frame in np.unique(self.frames)]
+        return max(float(np.linalg.norm(np.ptp(cloud, axis=0))) for cloud in clouds)
+
+    def later(self, frames: int) -> Motion:
+        """The same, in frames that have numbers higher by so much."""
+        return Motion(points=self.points, frames=self.frames + frames)
+
+    @staticmethod
+    def joined(motions: Sequence[Motion]) -> Motion:
+        """All of several."""
+        return Motion(
+            points=np.concatenate([motion.points for motion in motions]),
+            frames=np.concatenate([motion.frames for motion in motions]),
+        )
 
 
-def motion_of(footage: Footage, frames: Sequence[int] | None = None) -> Motion:
+def motion_of(footage: Moving, frames: Sequence[int] | None = None) -> Motion:
     """Where the matter of frames (all there are) goes, each but for its outermost thousandths.
 
     Raises
@@ -86,10 +96,11 @@ def motion_of(footage: Footage, frames: Sequence[int] | None = None) -> Motion:
     if len(chosen) == 0:
         raise RenderingError(f"{footage.path}: holds no frame yet")
     picked = sorted({chosen[round(k)] for k in np.linspace(0, len(chosen) - 1, min(len(chosen), _FRAMES))})
-    points = np.concatenate([_core(footage.positions(frame)) for frame in picked])
+    clouds = [_core(footage.positions(frame)) for frame in picked]
+    points = np.concatenate(clouds)
     if len(points) == 0:
         raise RenderingError(f"{footage.path}: nothing in it has a finite place: there is nothing to see")
-    return Motion(points=points)
+    return Motion(points=points, frames=np.repeat(picked, [len(cloud) for cloud in clouds]))
 
 
 def frame_motion(motion: Motion, *, width: int, height: int, around: float, above: float) -> Camera:
@@ -104,27 +115,31 @@ def frame_motion(motion: Motion, *, width: int, height: int, around: float, abov
     around, above [degrees]
         From the front to the right, and over the horizon.
     """
-    toward = _toward(around, above)
-    aim, distance = motion.centre, motion.reach
-    # Nearer things look larger: the middle of what is seen is found from where it is seen.
-    for _ in range(3):
-        distance = _distance(motion, aim, toward, width, height)
-        camera = _orbiting(aim, toward, distance, width, height)
-        seen = (motion.points - camera.position) @ camera.rotation.T
-        slopes = seen[:, :2] / seen[:, 2:]
-        middle = (slopes.min(axis=0) + slopes.max(axis=0)) / 2
-        aim = aim + (distance * middle) @ camera.rotation[:2]
-    return _orbiting(aim, toward, _distance(motion, aim, toward, width, height), width, height)
+    return framed(motion.points, direction(around, above), width=width, height=height)
 
 
-def turntable(motion: Motion, count: int, *, width: int, height: int, around: float, above: float) -> list[Camera]:
-    """As many cameras as there are pictures, once around a motion at a distance from which it fits from everywhere."""
-    aim = motion.centre
-    distance = max(
-        _distance(motion, aim, _toward(float(turn), above), width, height) for turn in np.arange(0.0, 360.0, 15.0)
-    )
-    turns = [around + 360.0 * k / max(count, 1) for k in range(count)]
-    return [_orbiting(aim, _toward(turn, above), distance, width, height) for turn in turns]
+def framed(points: Array, toward: Array, *, width: int, height: int) -> Camera:
+    """The nearest camera that has points (N, 3) of the world in the middle of its picture, looking against `toward`.
+
+    A point is in the picture where |x - e_x| <= s_x (z - e_z), and so in y, with the eye e and the slopes s of what
+    counts as its middle. All are where e_x - s_x e_z >= max(x - s_x z) and e_x + s_x e_z <= min(x + s_x z).
+    """
+    turned = orbiting(np.zeros(3), toward, 1.0, width, height)
+    seen = points @ turned.rotation.T
+    slopes = np.array([width / turned.focal_x, height / turned.focal_y]) / (2 * _MARGIN)
+    above = (seen[:, :2] - slopes * seen[:, 2:]).max(axis=0)
+    below = (seen[:, :2] + slopes * seen[:, 2:]).min(axis=0)
+    nearest, farthest = float(seen[:, 2].min()), float(seen[:, 2].max())
+    reach = _reach(points.min(axis=0), points.max(axis=0))
+    ahead = min(float(((below - above) / (2 * slopes)).min()), nearest - _NEAREST * reach)
+    eye = np.array([*(above + below) / 2, ahead])
+    distance = (nearest + farthest) / 2 - ahead
+    return orbiting((eye + [0.0, 0.0, distance]) @ turned.rotation, toward, distance, width, height)
+
+
+def _reach(lower: Array, upper: Array) -> float:
+    """Diagonal of a box, more than nothing even of a point."""
+    return max(float(np.linalg.norm(upper - lower)), 1e-6 * max(1.0, float(np.abs(upper).max())))
 
 
 def _core(positions: Array) -> Array:
@@ -138,13 +153,14 @@ def _core(positions: Array) -> Array:
     return positions[((positions >= lower) & (positions <= upper)).all(axis=1)]
 
 
-def _toward(around: float, above: float) -> Array:
-    """Unit vector from what is looked at to the eye."""
+def direction(around: float, above: float) -> Array:
+    """Unit vector from what is looked at to the eye, at angles [degrees] as in `gasp_core.scene.settings.VIEWS`."""
     turn, rise = math.radians(around), math.radians(above)
     return np.array([math.sin(turn) * math.cos(rise), -math.cos(turn) * math.cos(rise), math.sin(rise)])
 
 
-def _orbiting(aim: Array, toward: Array, distance: float, width: int, height: int) -> Camera:
+def orbiting(aim: Array, toward: Array, distance: float, width: int, height: int) -> Camera:
+    """A camera at a distance from what it looks at, toward a unit vector from it."""
     return look_at(
         aim + distance * toward,
         aim,
@@ -155,10 +171,10 @@ def _orbiting(aim: Array, toward: Array, distance: float, width: int, height: in
     )
 
 
-def _distance(motion: Motion, aim: Array, toward: Array, width: int, height: int) -> float:
-    """From what is looked at, at which all points are in the picture."""
-    camera = _orbiting(np.zeros(3), toward, 1.0, width, height)
-    points = (motion.points - aim) @ camera.rotation.T
-    across = np.abs(points[:, 0]) * _MARGIN * 2 * camera.focal_x / width
-    down = np.abs(points[:, 1]) * _MARGIN * 2 * camera.focal_y / height
-    return max(float((np.maximum(across, down) - points[:, 2]).max()), 0.1 * motion.reach)
+def distance_for(points: Array, aim: Array, toward: Array, width: int, height: int) -> float:
+    """From what is looked at [m], at which points (N, 3) are all in the middle of the picture."""
+    camera = orbiting(np.zeros(3), toward, 1.0, width, height)
+    seen = (points - aim) @ camera.rotation.T
+    across = np.abs(seen[:, 0]) * _MARGIN * 2 * camera.focal_x / width
+    down = np.abs(seen[:, 1]) * _MARGIN * 2 * camera.focal_y / height
+    return float((np.maximum(across, down) - seen[:, 2]).max())

@@ -5,38 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gasp_core.contract import HalfSpace, Side
 from gasp_core.errors import GaspError
+from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.rendering.camera import Camera
-from gasp_core.rendering.footage import RecordedFootage
-from gasp_core.rendering.framing import Motion, motion_of
+from gasp_core.rendering.fitting import well_framed
+from gasp_core.rendering.footage import Moving, RecordedFootage
+from gasp_core.rendering.forecast import Forecast
+from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.outputs import Output, open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.rendering.viewpoints import cameras_for
-from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
 
-__all__ = ["LiveFilm", "expected_motion"]
-
-Array = NDArray[Any]
-
-_LONGEST_FALL = 3.0
-"""In sizes of what falls: where no floor stops it, it is soon too small to be looked at anyway."""
-_LEFT = 0.01
-"""Share of the matter outside the picture that is worth a word."""
+__all__ = ["LiveFilm"]
 
 
 class LiveFilm:
     """Paints the frames of a run as they are recorded; what goes wrong with it never stops the run.
 
-    A context manager: what was painted is a film in the end, however the run ended.
+    A context manager: what was painted is a film in the end, however the run ended. Where matter went elsewhere than
+    was to be expected of it, all is painted anew then, from where it is seen well.
 
     Parameters
     ----------
@@ -50,6 +41,8 @@ class LiveFilm:
         Of a picture.
     frames
         How many there will be; None: as many as the scene has.
+    progress
+        Show a bar on stderr while it is painted anew; None: where that is a terminal.
 
     Raises
     ------
@@ -66,6 +59,7 @@ class LiveFilm:
         width: int,
         height: int,
         frames: int | None = None,
+        progress: bool | None = False,
     ) -> None:
         count = scene.frame_count if frames is None else min(frames, scene.frame_count)
         self._count = count
@@ -73,33 +67,37 @@ class LiveFilm:
         self._scene = scene
         self._size = width, height
         self._renderer = open_renderer()
-        self._outputs: list[Output] = [
-            open_output(path, count=count, frame_rate=scene.frame_rate, title=folder.name) for path in paths
-        ]
+        self._paths = tuple(paths)
+        self._progress = progress
+        self._outputs = self._opened(count)
         self._stack = ExitStack()
         self._painter: FramePainter | None = None
-        self._camera: Camera | None = None
+        self.cameras: list[Camera] = []
+        """From where each frame is seen."""
         self._next = 0
         self.problem = ""
         """Why filming ended before the run did."""
+        self.anew = False
+        """Whether it was filmed once more, because the first camera did not see it well."""
 
     def __enter__(self) -> LiveFilm:
         """Make the outputs ready."""
-        with ExitStack() as stack:
-            for output in self._outputs:
-                stack.enter_context(output)
-            self._stack = stack.pop_all()
+        self._begin()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Finish the films, of what there is."""
         if self._next == 0:
             self._take_back()
-        if not self.problem:
-            try:
-                self._stack.close()
-            except GaspError as fault:
-                self.problem = str(fault)
+        if self.problem:
+            return
+        try:
+            if self._next and not self._stopped() and not self._well_seen():
+                self._film_anew()
+            self._stack.close()
+        except GaspError as fault:
+            self.problem = str(fault)
+            self._take_back()
 
     def recorded(self, frame: int) -> None:
         """A frame is on disk; it is painted, and those before it that were there already."""
@@ -113,52 +111,74 @@ class LiveFilm:
             self.problem = str(error)
             self._take_back()
 
-    def left_the_picture(self) -> bool:
-        """Whether more than a little of the matter went where the camera does not look."""
-        if self._camera is None or self.problem:
-            return False
-        places, depths = self._camera.project(motion_of(self._footage()).points)
-        inside = (places >= 0).all(axis=1) & (places <= self._size).all(axis=1) & (depths > 0)
-        return float(np.mean(~inside)) > _LEFT
+    def _opened(self, count: int) -> list[Output]:
+        rate, title = self._scene.frame_rate, self._folder.name
+        return [open_output(path, count=count, frame_rate=rate, title=title) for path in self._paths]
+
+    def _begin(self) -> None:
+        with ExitStack() as stack:
+            for output in self._outputs:
+                stack.enter_context(output)
+            self._stack = stack.pop_all()
 
     def _footage(self) -> RecordedFootage:
         return RecordedFootage(Recording.open(self._folder))
 
     def _paint(self, frame: int) -> None:
-        if self._painter is None or self._camera is None:
+        if self._painter is None:
             footage = self._footage()
-            motion = expected_motion(motion_of(footage, [0]), self._scene)
-            width, height = self._size
-            (self._camera,) = cameras_for(footage, None, motion=motion, count=1, width=width, height=height)
-            background = parse_background("white")
-            self._painter = FramePainter(footage, self._renderer, motion=motion, background=background)
+            forecast = Forecast(footage, self._scene, self._count)
+            self._set_up(footage, forecast, range(self._count))
+        assert self._painter is not None
         wanting = [output for output in self._outputs if output.wants(frame)]
         if wanting:
-            picture = self._painter.paint(frame, self._camera)
+            picture = self._painter.paint(frame, self.cameras[frame])
             for output in wanting:
                 output.take(picture, self._scene.time_of(frame))
+
+    def _set_up(self, footage: RecordedFootage, moving: Moving, numbers: Sequence[int]) -> None:
+        """Choose the cameras, for what moves as it did or is expected to."""
+        motion = motion_of(moving, numbers)
+        width, height = self._size
+        self.cameras = cameras_for(
+            footage,
+            None,
+            motion=motion,
+            subject=moving.subject,
+            numbers=numbers,
+            renderer=self._renderer,
+            width=width,
+            height=height,
+        )
+        background = parse_background("white")
+        self._painter = FramePainter(footage, self._renderer, motion=motion, background=background)
+
+    def _stopped(self) -> bool:
+        """Whether the user ended it, and waits for the command to end too."""
+        return Recording.open(self._folder).reason.startswith("stopped by")
+
+    def _well_seen(self) -> bool:
+        """Whether nothing of the subject was outside of the pictures, and it was large in them."""
+        footage = self._footage()
+        if footage.camera is not None and not footage.camera.sees_all:
+            return True
+        motion = motion_of(footage, range(self._next))
+        return well_framed(self.cameras[: self._next], motion, footage.subject, self._renderer)
+
+    def _film_anew(self) -> None:
+        """Paint all there is once more, now that it is known where matter went."""
+        self.anew = True
+        self._take_back()
+        footage = self._footage()
+        self._outputs = self._opened(self._next)
+        self._set_up(footage, footage, range(self._next))
+        self._begin()
+        with counting(self._progress, "filmed anew", self._next) as painted:
+            for frame in range(self._next):
+                self._paint(frame)
+                painted()
 
     def _take_back(self) -> None:
         """Leave nothing half done."""
         self._stack.__exit__(GaspError, GaspError("not filmed"), None)
         self._stack = ExitStack()
-
-
-def expected_motion(start: Motion, scene: Scene) -> Motion:
-    """Where matter will be, before anything has moved: where it starts, and where it falls to."""
-    gravity = np.asarray(scene.gravity)
-    strength = float(np.linalg.norm(gravity))
-    if strength == 0:
-        return start
-    down = gravity / strength
-    fall = min(0.5 * strength * scene.duration**2, _LONGEST_FALL * start.reach)
-    for collider in scene.colliders:
-        if isinstance(collider.shape, HalfSpace) and collider.side is Side.OUTSIDE:
-            slope = -float(np.asarray(collider.shape.normal) @ down)
-            if slope > 0:
-                clearance = float(collider.shape.signed_distance(start.points).min())
-                fall = min(fall, max(clearance, 0.0) / slope)
-    if any(item.collider for item in scene.objects) or any(isinstance(one.shape, FileShape) for one in scene.colliders):
-        # It lands on something of the picture, or beside it.
-        fall = min(fall, float(np.ptp(start.points @ down)))
-    return start.moved(fall * down)

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from gasp_core.errors import RenderingError
 from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.camera_files import choose, placed, read_cameras
+from gasp_core.rendering.contract import SplatRenderer
+from gasp_core.rendering.fitting import Subject, fitted, moving_cameras
 from gasp_core.rendering.footage import Footage
-from gasp_core.rendering.framing import VIEWS, Motion, frame_motion, turntable
-from gasp_core.scene.settings import CameraChoice
+from gasp_core.rendering.framing import Motion, frame_motion
+from gasp_core.scene.settings import VIEWS, CameraChoice
 
-__all__ = ["camera_of_choice", "cameras_for", "read_choice"]
+__all__ = ["cameras_for", "read_choice"]
 
-DEFAULT_VIEW = "three-quarter"
+_FAR = 5.0
+"""Times its own size that something has to go for the camera to go with it."""
+_SMOOTHED = 0.2
+"""Time [s] over which a camera that follows is smoothed: it is not to jump with what it films."""
 
 
-def read_choice(text: str) -> str | CameraChoice:
+def read_choice(text: str) -> CameraChoice:
     """What ``--camera`` names: one of `VIEWS`, or a camera file, a colon and which of its cameras.
 
     Raises
@@ -25,7 +33,7 @@ def read_choice(text: str) -> str | CameraChoice:
         Where it is neither.
     """
     if text in VIEWS:
-        return text
+        return CameraChoice(view=text)
     file, _, view = text.rpartition(":") if ".json:" in text else (text, "", "0")
     if not file.endswith(".json"):
         raise RenderingError(
@@ -34,62 +42,87 @@ def read_choice(text: str) -> str | CameraChoice:
     return CameraChoice(file=Path(file), view=int(view) if view.isdigit() else view)
 
 
-def camera_of_choice(choice: CameraChoice, footage: Footage, *, width: int, height: int) -> Camera:
-    """The camera that a scene or a user describes, for pictures of a size.
-
-    Raises
-    ------
-    RenderingError
-        Where its file cannot be read or has no such camera.
-    RecordingError
-        Where it is in the frame of an object that is not there.
-    """
-    if choice.file is not None:
-        camera = choose(read_cameras(choice.file), choice.view, choice.file)
-        return placed(camera.resized(width, height), footage.placement(choice.object))
-    assert choice.position is not None and choice.target is not None  # CameraChoice refuses anything else
-    return look_at(
-        choice.position, choice.target, width=width, height=height, field_of_view=choice.field_of_view, near=1e-3
-    )
-
-
 def cameras_for(
     footage: Footage,
-    choice: str | CameraChoice | None,
+    choice: CameraChoice | None,
     *,
     motion: Motion,
-    count: int,
+    subject: Subject,
+    numbers: Sequence[int],
+    renderer: SplatRenderer,
     width: int,
     height: int,
-    turning: bool = False,
 ) -> list[Camera]:
-    """Cameras for `count` pictures.
+    """Cameras for as many pictures.
 
     Parameters
     ----------
     footage
         What is shown; its scene's camera is taken where `choice` is None.
     choice
-        A name of `VIEWS` or a camera.
-    motion
-        What is to be in the picture.
-    count, width, height
+        A camera.
+    motion, subject
+        What is to be in the picture, by numbers of frames.
+    numbers
+        Which frame each picture shows.
+    renderer
+        Draws the subject's silhouettes.
+    width, height [px]
         Of the pictures.
-    turning
-        Once around it during the film, starting at a named view.
 
     Raises
     ------
     RenderingError
-        Where a turn is asked of a camera that stands somewhere.
+        Where a camera file cannot be read or has no such camera.
+    RecordingError
+        Where a camera file is in the frame of an object that is not there.
     """
-    if turning and isinstance(choice, CameraChoice):
-        raise RenderingError("a turntable starts at a named view, not at a camera of a file or position")
-    if not turning:
-        choice = choice if choice is not None else footage.camera
-    if isinstance(choice, CameraChoice):
-        return [camera_of_choice(choice, footage, width=width, height=height)] * count
-    around, above = VIEWS[choice or DEFAULT_VIEW]
-    if turning:
-        return turntable(motion, count, width=width, height=height, around=around, above=above)
-    return [frame_motion(motion, width=width, height=height, around=around, above=above)] * count
+    choice = choice or footage.camera or CameraChoice()
+    if choice.file is not None:
+        found = choose(read_cameras(choice.file), choice.view, choice.file)
+        return [placed(found.resized(width, height), footage.placement(choice.object))] * len(numbers)
+    if choice.position is not None and choice.target is not None:
+        eyes, targets = np.array([choice.position]), np.array([choice.target])
+        return _standing(choice, eyes, targets, width, height) * len(numbers)
+    if choice.path:
+        times = np.array([number / footage.frame_rate for number in numbers])
+        return _standing(choice, *_along(choice, times), width, height)
+    around, above = choice.direction
+    follow = choice.follow
+    if follow is None:
+        follow = motion.reach > _FAR * motion.size
+    if not (follow or choice.turns):
+        camera = frame_motion(motion, width=width, height=height, around=around, above=above)
+        return [fitted(camera, motion, subject, renderer)] * len(numbers)
+    return moving_cameras(
+        motion,
+        numbers,
+        subject,
+        renderer,
+        width=width,
+        height=height,
+        arounds=[around + 360.0 * choice.turns * k / len(numbers) for k in range(len(numbers))],
+        above=above,
+        smoothed=_SMOOTHED * footage.frame_rate if follow else None,
+    )
+
+
+def _standing(choice: CameraChoice, eyes: np.ndarray, targets: np.ndarray, width: int, height: int) -> list[Camera]:
+    return [
+        look_at(eye, target, width=width, height=height, field_of_view=choice.field_of_view, near=1e-3)
+        for eye, target in zip(eyes, targets)
+    ]
+
+
+def _along(choice: CameraChoice, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eyes and targets (N, 3) at times [s] of a path without corners, which never goes beyond its viewpoints."""
+    # Slow to import.
+    from scipy.interpolate import PchipInterpolator
+
+    moments = np.array([point.time for point in choice.path])
+    places = np.array([(*point.position, *point.target) for point in choice.path])
+    if len(moments) > 1:
+        places = PchipInterpolator(moments, places)(np.clip(times, moments[0], moments[-1]))
+    else:
+        places = np.repeat(places, len(times), axis=0)
+    return places[:, :3], places[:, 3:]

@@ -11,7 +11,7 @@ from gasp_core.scene.objects import Floaters, Reduction, SplatObject
 from gasp_core.scene.parts import Part
 from gasp_core.scene.preset_table import MaterialPreset
 from gasp_core.scene.presets import material_preset
-from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Viewpoint
 from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import scene_to_toml
 
@@ -34,6 +34,7 @@ __all__ = [
     "SplatObject",
     "Swing",
     "VaryingMaterial",
+    "Viewpoint",
     "Wave",
     "load_scene",
     "material_preset",

@@ -32,7 +32,7 @@ from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject, w
 from gasp_core.scene.part_tables import read_part
 from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
-from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Viewpoint
 from gasp_core.scene.shape_tables import path_of, read_collider, read_contact, read_shape
 from gasp_core.scene.tables import StoredTable, Table, kind_of
 from gasp_core.scene.writing import MEMORY
@@ -336,6 +336,8 @@ def _read_camera(table: Table, folder: Path | None) -> CameraChoice:
     given: dict[str, Any] = {}
     if table.has("file"):
         given["file"] = path_of(table, "file", folder)
+    if table.has("path"):
+        given["path"] = tuple(point.build(Viewpoint) for point in table.tables("path"))
     return table.build(CameraChoice, **given)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +15,18 @@ from gasp_core.contract import (
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 
-__all__ = ["CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice"]
+__all__ = ["VIEWS", "CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice", "Viewpoint"]
+
+VIEWS: dict[str, tuple[float, float]] = {
+    "three-quarter": (35.0, 18.0),
+    "front": (0.0, 8.0),
+    "right": (90.0, 8.0),
+    "back": (180.0, 8.0),
+    "left": (270.0, 8.0),
+    "top": (0.0, 89.0),
+}
+"""Views by name: degrees around from the front (seen along +y) to the right, and degrees above the horizon."""
+_VIEW_NAMES = ", ".join(VIEWS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,47 +124,113 @@ class RecordingChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Viewpoint:
+    """Where a camera stands at a moment, and what it looks at.
+
+    Parameters
+    ----------
+    time
+        Of the simulation [s].
+    position, target
+        Of the eye, and what it looks at [m].
+
+    Raises
+    ------
+    SceneError
+        Where a number is not finite, or the two are one place.
+    """
+
+    time: float
+    position: Vector
+    target: Vector
+
+    def __post_init__(self) -> None:
+        finite(self, "time")
+        finite_vector(self, "position")
+        finite_vector(self, "target")
+        if self.position == self.target:
+            raise SceneError(f"Viewpoint.target must not be the position, found {self.target!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CameraChoice:
     """From where a scene is shown; it decides nothing about the simulation.
+
+    One of a place, a path, a file, or, where none of them is given, a view by its name.
 
     Parameters
     ----------
     position, target
         Of the eye, and what it looks at [m]; both or none.
+    path
+        Viewpoints, their times rising: the eye goes smoothly from one to the next, and stands before the first and
+        after the last.
     field_of_view
-        Vertical, of that camera [degrees].
+        Vertical, of a camera with a place or a path [degrees].
     file
-        A cameras.json of 3DGS or a NeRF-style transforms.json instead.
+        A cameras.json of 3DGS or a NeRF-style transforms.json.
     view
-        Of that file: number from 0, or name of the picture.
+        Of that file: number from 0, or name of the picture. Without a file, one of `VIEWS`, 0 the first: all that moves
+        is in the picture, and fills it.
     object
         In whose splat's frame the file's cameras are; None: the first object's.
+    follow
+        A view by its name goes along with what moves; None: where it goes several times as far as it is large.
+    turns
+        How often a view by its name goes around during the film, to the right; below 0 to the left.
 
     Raises
     ------
     SceneError
-        Where it says both, neither, or something impossible.
+        Where it says more than one of them, or something impossible.
     """
 
     position: Vector | None = None
     target: Vector | None = None
+    path: tuple[Viewpoint, ...] = ()
     field_of_view: float = 40.0
     file: Path | None = None
     view: int | str = 0
     object: str | None = None
+    follow: bool | None = None
+    turns: float = 0.0
 
     def __post_init__(self) -> None:
         if (self.position is None) != (self.target is None):
             raise SceneError("CameraChoice.position and target belong together: give both")
-        if (self.position is None) == (self.file is None):
-            raise SceneError("CameraChoice.position (and target), or file: give one of them")
         if isinstance(self.file, str):
             object.__setattr__(self, "file", Path(self.file))
+        object.__setattr__(self, "path", tuple(self.path))
+        said = [name for name in ("position", "path", "file") if getattr(self, name) not in (None, ())]
+        if len(said) > 1:
+            raise SceneError(f"CameraChoice.{said[1]} contradicts {said[0]}: give one of them")
         if self.position is not None:
             finite_vector(self, "position")
             finite_vector(self, "target")
             if self.position == self.target:
                 raise SceneError(f"CameraChoice.target must not be the position, found {self.target!r}")
+        for one, other in pairwise(self.path):
+            if not one.time < other.time:
+                raise SceneError(f"CameraChoice.path must have rising times, found {other.time!r} after {one.time!r}")
         finite(self, "field_of_view", low=0.0, open_low=True, high=179.0)
+        finite(self, "turns")
         if isinstance(self.view, bool) or (isinstance(self.view, int) and self.view < 0):
             raise SceneError(f"CameraChoice.view must be a number from 0 or a name, found {self.view!r}")
+        if said:
+            if self.follow or self.turns:
+                which = "follow" if self.follow else "turns"
+                raise SceneError(
+                    f"CameraChoice.{which} has no meaning with {said[0]}: it is for views by their names, {_VIEW_NAMES}"
+                )
+        elif self.view != 0 and self.view not in VIEWS:
+            raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}")
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether it is a view by its name, which stands where all that moves is seen."""
+        return self.position is None and self.file is None and not self.path
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Of a view by its name: degrees around from the front to the right, and above the horizon."""
+        return VIEWS[self.view if isinstance(self.view, str) else next(iter(VIEWS))]

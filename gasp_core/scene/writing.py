@@ -71,6 +71,9 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
         values = _fields(scene.camera)
         if scene.camera.file is not None:
             values["file"] = _path(scene.camera.file, beside)
+        del values["path"]
+        if scene.camera.path:
+            values["path"] = [_fields(point) for point in scene.camera.path]
         lines += ["", "[camera]", *_entries(values)]
     return "\n".join(lines) + "\n"
 

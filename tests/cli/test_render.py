@@ -139,7 +139,7 @@ def test_a_run_that_is_still_going_is_shown_as_far_as_it_is(workplace, gasp):
         (["--from", "nan", "1", "1", "--to", "0", "0", "0"], ["--from, --to", "finite"]),
         (["--from", "1", "1", "1", "--to", "1", "1", "1"], ["must not be the position"]),
         (["--from", "1", "1", "1", "--to", "0", "0", "0", "--camera", "front"], ["contradict each other"]),
-        (["--from", "1", "1", "1", "--to", "0", "0", "0", "--turntable"], ["a turntable starts at a named view"]),
+        (["--from", "1", "1", "1", "--to", "0", "0", "0", "--turntable"], ["a turntable starts from a named view"]),
         (["--frame", "3"], ["has frames 0 to 2, not 3"]),
         (["--background", "blurple"], ['background "blurple" is no colour']),
         (["--background", "transparent"], ["a film cannot be transparent"]),

@@ -4,6 +4,8 @@ import pytest
 
 from gasp_core import Collider, Elastic, EngineChoice, Gaussians, HalfSpace, Scene, SplatObject, simulate
 from gasp_core.rendering.contract import Picture
+from gasp_core.rendering.framing import motion_of
+from gasp_core.rendering.viewpoints import cameras_for
 
 
 def blob(count=60, seed=0):
@@ -54,10 +56,10 @@ class Dots:
     """A renderer that needs no plugin: each Gaussian is one opaque pixel of its constant colour, nearest in front."""
 
     def __init__(self):
-        self.pictures = 0
+        self.sizes = []
 
     def render(self, splats, camera, *, occluders=None):
-        self.pictures += 1
+        self.sizes.append((camera.width, camera.height))
         shape = (camera.height, camera.width)
         colour, depth = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
         places, depths = camera.project(splats.means)
@@ -70,6 +72,32 @@ class Dots:
             colour[y, x] = np.clip(0.5 + 0.2820948 * splats.harmonics[row, 0], 0, 1)
             depth[y, x] = depths[row]
         return Picture(colour=colour, alpha=np.isfinite(depth).astype(np.float32), depth=depth)
+
+
+@pytest.fixture
+def cameras_of():
+    """The cameras for all frames of a footage."""
+
+    def cameras(footage, choice=None, *, size=(96, 64), numbers=None, renderer=None):
+        numbers = range(footage.frame_count) if numbers is None else numbers
+        return cameras_for(
+            footage,
+            choice,
+            motion=motion_of(footage, numbers),
+            subject=footage.subject,
+            numbers=numbers,
+            renderer=renderer or Dots(),
+            width=size[0],
+            height=size[1],
+        )
+
+    return cameras
+
+
+@pytest.fixture(scope="session")
+def dots_of():
+    """Makes renderers that need no plugin."""
+    return Dots
 
 
 @pytest.fixture

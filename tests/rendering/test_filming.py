@@ -11,12 +11,14 @@ from gasp_core.recording import Recording
 from gasp_core.recording.nodes import sealed
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.footage import RecordedFootage, open_footage
+from gasp_core.rendering.forecast import Forecast
 from gasp_core.rendering.framing import motion_of
-from gasp_core.rendering.live import LiveFilm, expected_motion
+from gasp_core.rendering.live import LiveFilm
 from gasp_core.rendering.painting import FramePainter, parse_background, to_bytes
-from gasp_core.rendering.viewpoints import cameras_for, read_choice
+from gasp_core.rendering.viewpoints import read_choice
 
 SIZE = (96, 64)
+LAMP = (256, 256)
 
 
 def painted(path):
@@ -27,28 +29,21 @@ def test_a_run_becomes_film_sheet_and_pictures_in_one_go(recording, dots, tmp_pa
     gasp.render(recording, tmp_path / "a.mp4", tmp_path / "a.png", tmp_path / "frames", size=SIZE)
     assert sorted(path.name for path in (tmp_path / "frames").iterdir()) == [f"frame_{k:04d}.png" for k in range(7)]
     assert painted(tmp_path / "frames" / "frame_0000.png").shape == (64, 96, 3)
-    # The splats and, for the shadow, what the lamp sees of them: once each for all three.
-    assert dots.pictures == 2 * 7
+    # Once for all three; beside it, what the lamp sees of them, for the shadow.
+    assert dots.sizes.count(SIZE) == 7 and dots.sizes.count(LAMP) == 7
 
 
 def test_only_key_frames_are_painted_for_a_sheet(run_of, falling_scene, dots, tmp_path):
     run = run_of(dataclasses.replace(falling_scene, duration=1.6), name="long.gasp")
     assert run.frame_count == 41
     gasp.render(run.path, tmp_path / "a.png", size=SIZE)
-    assert dots.pictures == 2 * 12
+    assert dots.sizes.count(SIZE) == 12
 
 
-def test_the_first_frame_shows_the_file(recording, dots, tmp_path):
+def test_the_first_frame_shows_the_file(recording, dots, tmp_path, cameras_of):
     gasp.render(recording, tmp_path / "a.png", size=SIZE, frames=[0], background="black")
     splats, picture = recording.splats(0), painted(tmp_path / "a.png")
-    (camera,) = cameras_for(
-        RecordedFootage(recording),
-        None,
-        motion=motion_of(RecordedFootage(recording), [0]),
-        count=1,
-        width=96,
-        height=64,
-    )
+    (camera,) = cameras_of(RecordedFootage(recording), numbers=[0])
     places, depths = camera.project(splats.means)
     nearest = np.argmin(depths)
     x, y = np.floor(places[nearest]).astype(int)
@@ -94,7 +89,7 @@ def test_a_turn_around_a_splat_file(tmp_path, dots, recording):
     assert painted(tmp_path / "one.png").shape == (64, 96, 3)
 
 
-def test_the_camera_of_the_scene_and_of_a_file(run_of, falling_scene, tmp_path):
+def test_the_camera_of_the_scene_and_of_a_file(run_of, falling_scene, tmp_path, cameras_of):
     """One camera said three ways: by its place, and by two files in the frame of the splat."""
     eye, aim = (0.5, -3.0, 0.8), (0.0, 0.0, 0.2)
     direct = look_at(eye, aim, width=120, height=80, field_of_view=40)
@@ -109,13 +104,13 @@ def test_the_camera_of_the_scene_and_of_a_file(run_of, falling_scene, tmp_path):
         run = run_of(dataclasses.replace(falling_scene, camera=choice), overwrite=True)
         footage = RecordedFootage(Recording.open(run.path))
         assert footage.camera == choice
-        (camera,) = cameras_for(footage, None, motion=motion_of(footage), count=1, width=60, height=40)
+        camera = cameras_of(footage, size=(60, 40))[0]
         means = run.splats(0).means
         # Placement is the identity here; cameras.json keeps sixteen digits.
         assert camera.project(means)[0] == pytest.approx(direct.resized(60, 40).project(means)[0], abs=1e-9)
 
 
-def test_a_camera_of_a_file_follows_its_splat_into_the_world(run_of, falling_scene, tmp_path):
+def test_a_camera_of_a_file_follows_its_splat_into_the_world(run_of, falling_scene, tmp_path, cameras_of):
     """Turned, scaled and moved by the scene, the splat looks the same from its own camera."""
     native = look_at((0.5, -3.0, 0.8), (0.0, 0.0, 0.2), width=120, height=80)
     entry = {"position": native.position.tolist(), "rotation": native.rotation.T.tolist(), "id": 0}
@@ -126,7 +121,7 @@ def test_a_camera_of_a_file_follows_its_splat_into_the_world(run_of, falling_sce
     run = run_of(dataclasses.replace(falling_scene, objects=(placed,)))
     choice = read_choice(f"{tmp_path}/cameras.json:0")
     footage = RecordedFootage(run)
-    (camera,) = cameras_for(footage, choice, motion=motion_of(footage), count=1, width=120, height=80)
+    camera = cameras_of(footage, choice, size=(120, 80))[0]
     assert camera.project(run.splats(0).means)[0] == pytest.approx(native.project(item.splat.means)[0], abs=1e-6)
 
 
@@ -153,7 +148,7 @@ def test_colours():
         ({"camera": "none.json"}, "there is no such camera file"),
         (
             {"camera": gasp.CameraChoice(position=(1, 1, 1), target=(0, 0, 0)), "turntable": True},
-            "a turntable starts at",
+            "a turntable starts from a named view",
         ),
         ({"frames": [7]}, "has frames 0 to 6, not 7"),
         ({"frames": []}, "holds no frame yet"),
@@ -246,7 +241,7 @@ def test_a_film_that_fails_does_not_stop_the_run(run_of, falling_scene, live, do
         run = run_of(falling_scene, recorded=film.recorded)
     assert run.status == "complete"
     assert film.problem == "no more paper" and len(calls) == 1
-    assert not film.left_the_picture()
+    assert not film.anew
     assert [path.name for path in tmp_path.iterdir()] == ["run.gasp"]
 
 
@@ -256,26 +251,89 @@ def test_no_frame_no_film_and_no_complaint(live, tmp_path):
     assert film.problem == "" and list(tmp_path.iterdir()) == []
 
 
-def test_whether_matter_left_the_picture(run_of, falling_scene, live):
-    with live("a.png") as film:
-        run_of(falling_scene, recorded=film.recorded)
-    assert not film.left_the_picture()
+def test_what_is_thrown_is_expected_where_it_goes(run_of, falling_scene, live):
     (item,) = falling_scene.objects
-    thrown = dataclasses.replace(falling_scene, objects=(dataclasses.replace(item, velocity=(40.0, 0, 0)),))
-    with live("a.png", scene=thrown) as film:
-        run_of(thrown, overwrite=True, recorded=film.recorded)
-    assert film.left_the_picture()
+    thrown = dataclasses.replace(falling_scene, objects=(dataclasses.replace(item, velocity=(10.0, 0, 0)),))
+    with live("frames", scene=thrown) as film:
+        run_of(thrown, recorded=film.recorded)
+    assert film.problem == "" and not film.anew
+
+
+def test_a_film_that_lost_its_subject_is_made_anew(run_of, falling_scene, live, dots, tmp_path):
+    # A wind that the forecast knows nothing of.
+    blown = dataclasses.replace(falling_scene, gravity=(150.0, 0, 0))
+    with live("frames", "a.mp4", scene=falling_scene) as film:
+        run = run_of(blown, recorded=film.recorded)
+    assert film.problem == "" and film.anew
+    assert dots.sizes.count(SIZE) == 2 * 7
+    assert len(list((tmp_path / "frames").iterdir())) == 7 and (tmp_path / "a.mp4").exists()
+    for frame, camera in enumerate(film.cameras):
+        places, depths = camera.project(run.splats(frame).means)
+        assert (depths > 0).all() and (places > 0).all() and (places < SIZE).all()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_camera_that_the_scene_places_stays_there(run_of, falling_scene, live):
+    choice = gasp.CameraChoice(position=(0, -1, 0), target=(0, -2, 0))
+    away = dataclasses.replace(falling_scene, camera=choice)
+    with live("frames", scene=away) as film:
+        run_of(away, recorded=film.recorded)
+    assert not film.anew
+
+
+def flown(recording, scene, count=7):
+    """How far the mean of the forecast's subject goes from the first frame to the last."""
+    forecast = Forecast(RecordedFootage(recording), scene, count)
+    assert forecast.positions(0) == pytest.approx(RecordedFootage(recording).splats(0).means)
+    return (forecast.positions(count - 1) - forecast.positions(0)).mean(axis=0)
 
 
 def test_where_matter_will_be(recording, falling_scene):
-    start = motion_of(RecordedFootage(recording), [0])
-    extent = start.upper[2] - start.lower[2]
     free = dataclasses.replace(falling_scene, colliders=())
-    fallen = expected_motion(start, free)
-    assert fallen.upper[2] - fallen.lower[2] == pytest.approx(extent + 0.5 * 9.81 * 0.24**2)
-    # Long falls end on the floor, or after three sizes.
-    long = dataclasses.replace(falling_scene, duration=100.0)
-    assert expected_motion(start, long).lower[2] == pytest.approx(-0.5)
-    deep = expected_motion(start, dataclasses.replace(free, duration=100.0))
-    assert deep.lower[2] == pytest.approx(start.lower[2] - 3 * start.reach)
-    assert expected_motion(start, dataclasses.replace(long, gravity=(0.0, 0, 0))).points is start.points
+    # In steps of a hundredth of a second, of first order: g t dt / 2 too far.
+    assert flown(recording, free) == pytest.approx([0, 0, -0.5 * 9.81 * 0.24 * 0.25], abs=1e-9)
+    (item,) = free.objects
+    thrown = dataclasses.replace(free, objects=(dataclasses.replace(item, velocity=(2.0, 1.0, 0)),))
+    assert flown(recording, thrown)[:2] == pytest.approx([0.48, 0.24])
+    assert (flown(recording, dataclasses.replace(free, gravity=(0.0, 0, 0))) == 0).all()
+
+
+def test_what_falls_is_expected_to_lie_on_what_is_below_it(recording, falling_scene):
+    lowest = recording.splats(0).means[:, 2].min()
+    long = dataclasses.replace(falling_scene, duration=4.0)
+    # The floor is at -0.5.
+    assert flown(recording, long, 101)[2] == pytest.approx(-0.5 - lowest, abs=1e-6)
+    box = gasp.Collider(shape=gasp.BoxShape(center=(0, 0, -0.6), half_extents=(1, 1, 0.4)))
+    assert flown(recording, dataclasses.replace(long, colliders=(box,)), 101)[2] == pytest.approx(
+        -0.2 - lowest, abs=1e-6
+    )
+    # A box around it, whose walls stop it as well.
+    room = gasp.Collider(shape=gasp.BoxShape(center=(0, 0, 0), half_extents=(1, 1, 1)), side=gasp.Side.INSIDE)
+    (item,) = long.objects
+    thrown = dataclasses.replace(long, colliders=(room,), objects=(dataclasses.replace(item, velocity=(3.0, 0, 0)),))
+    furthest = recording.splats(0).means[:, 0].max()
+    assert flown(recording, thrown, 101)[0] == pytest.approx(1 - furthest, abs=1e-6)
+
+
+def test_friction_stops_what_is_expected_to_slide(recording, falling_scene):
+    lowest = float(recording.splats(0).means[:, 2].min())
+    floor = gasp.Collider(shape=gasp.HalfSpace(point=(0, 0, lowest), normal=(0, 0, 1)), friction=0.5)
+    (item,) = falling_scene.objects
+    slid = dataclasses.replace(
+        falling_scene,
+        duration=4.0,
+        colliders=(floor,),
+        objects=(dataclasses.replace(item, velocity=(2.0, 0, 0)),),
+    )
+    # v^2 / (2 mu g), to half a step at its first speed.
+    assert flown(recording, slid, 101)[0] == pytest.approx(4 / (2 * 0.5 * 9.81), abs=0.01 * 2)
+
+
+def test_what_is_held_is_expected_to_stay_or_to_be_led(recording, falling_scene):
+    everywhere = gasp.SphereShape(center=(0, 0, 0.5), radius=0.1)
+    pinned = dataclasses.replace(falling_scene, drives=(gasp.Pinned(region=everywhere),))
+    assert (flown(recording, pinned) == 0).all()
+    led = gasp.Driven(region=everywhere, velocity=(0.0, 1.0, 0.0), end=0.12)
+    moved = flown(recording, dataclasses.replace(falling_scene, drives=(led,)))
+    # Led for half of the time, then let go.
+    assert moved[1] == pytest.approx(0.24) and moved[2] == pytest.approx(-0.5 * 9.81 * 0.12 * 0.13, rel=1e-6)

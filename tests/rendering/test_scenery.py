@@ -137,7 +137,7 @@ def test_a_shadow_falls_where_the_lamp_says():
     from gasp_core.rendering.scenery import LIGHT
 
     eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
-    motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]))
+    motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]), frames=np.zeros(2, dtype=int))
     scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
     shadowed = ShadowedScenery.of(scenery, eye, motion)
     mean = np.array([[0.1, -0.2, 1.0]])

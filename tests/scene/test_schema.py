@@ -36,7 +36,7 @@ from gasp_core.scene.motions import MOTIONS
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA, migrated
-from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
+from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Viewpoint
 from gasp_core.scene.tables import Table
 from gasp_core.scene.varying import VaryingMaterial
 from gasp_core.scene.writing import scene_to_toml
@@ -51,7 +51,7 @@ def numbered(text, number):
 
 SCENE_CLASSES = (
     Scene, SplatObject, Part, VaryingMaterial, PlyProperty, Reduction, SolidOptions, EngineChoice, MapChoice,
-    RecordingChoice, CameraChoice, EngineAccuracy,
+    RecordingChoice, CameraChoice, Viewpoint, EngineAccuracy,
     HalfSpace, BoxShape, SphereShape, ContactRule, Collider, SteadyMotion, KeyframedMotion, Domain,
     Pinned, Driven, Impulse, Wind,
     *MATERIALS.values(), *MOTIONS.values(),

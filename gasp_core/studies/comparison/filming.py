@@ -92,10 +92,22 @@ def _painted(
     footages = {name: RecordedFootage(recording) for name, recording in recordings.items()}
     counts = {name: footage.frame_count for name, footage in footages.items()}
     longest = max(counts.values())
-    motion = Motion(points=np.concatenate([motion_of(footage).points for footage in footages.values()]))
-    first = next(iter(footages.values()))
-    (camera,) = cameras_for(first, None, motion=motion, count=1, width=size[0], height=size[1])
-    renderer = open_renderer()
+    # The frames of all runs, one after the other; where the camera goes, it goes with the longest, which is the first.
+    inline = sorted(footages, key=lambda name: -counts[name])
+    shown = [(footages[name], frame) for name in inline for frame in range(counts[name])]
+    before = np.cumsum([0] + [counts[name] for name in inline])
+    motion = Motion.joined([motion_of(footages[name]).later(int(k)) for name, k in zip(inline, before)])
+    first, renderer = footages[inline[0]], open_renderer()
+    cameras = cameras_for(
+        first,
+        None,
+        motion=motion,
+        subject=lambda number: shown[number][0].subject(shown[number][1]),
+        numbers=range(longest),
+        renderer=renderer,
+        width=size[0],
+        height=size[1],
+    )
     painters = {
         name: FramePainter(footage, renderer, motion=motion, background=_WHITE) for name, footage in footages.items()
     }
@@ -104,7 +116,7 @@ def _painted(
     with ExitStack() as stack, counting(progress, "picture", sum(counts.values())) as painted:
         outputs = {name: stack.enter_context(FilmFile(path, first.frame_rate)) for name, path in films.items()}
         for frame in range(longest):
-            pictures = {name: painters[name].paint(frame, camera) for name in films if frame < counts[name]}
+            pictures = {name: painters[name].paint(frame, cameras[frame]) for name in films if frame < counts[name]}
             for name, picture in pictures.items():
                 outputs[name].take(picture, frame / first.frame_rate)
                 painted()

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RecordingError
 from gasp_core.rendering.footage import Footage
-from gasp_core.rendering.framing import VIEWS, Motion, frame_motion, motion_of
+from gasp_core.rendering.framing import Motion, frame_motion, motion_of
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["SIZE", "Stage", "View", "shown_motion", "three_quarter"]
 
@@ -85,11 +86,11 @@ def shown_motion(footage: Footage, frame: int) -> Motion:
     frame
         One that is not.
     """
-    points = [motion_of(footage, [frame]).points]
+    motions = [motion_of(footage, [frame])]
     for other in np.unique(np.linspace(0, footage.frame_count - 1, _LOOKED_AT).round().astype(int)):
         with suppress(RecordingError):
-            points.append(motion_of(footage, [int(other)]).points)
-    motion = Motion(points=np.concatenate(points))
+            motions.append(motion_of(footage, [int(other)]))
+    motion = Motion.joined(motions)
     splats = footage.splats(frame)
     if splats.covariances is not None:
         largest = np.sqrt(splats.covariances[:, [0, 3, 5]].max(axis=1))
@@ -98,12 +99,13 @@ def shown_motion(footage: Footage, frame: int) -> Motion:
         largest = splats.scales.max(axis=1)
     # To the means, a single Gaussian is a point.
     room = float(np.median(largest))
-    return Motion(points=np.concatenate([motion.points, [motion.lower - room, motion.upper + room]]))
+    corners = np.array([motion.lower - room, motion.upper + room])
+    return Motion.joined([motion, Motion(points=corners, frames=np.full(2, frame))])
 
 
 def three_quarter(motion: Motion) -> View:
     """The view of a motion from its front right, a little from above."""
-    around, above = VIEWS["three-quarter"]
+    around, above = CameraChoice().direction
     # A square picture: what fits into it fits into every browser window that is wider than high.
     camera = frame_motion(motion, width=1000, height=1000, around=around, above=above)
     forward = camera.rotation[2]

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from gasp_core.errors import GaspError
 from gasp_core.recording import Recording
 from gasp_core.rendering.footage import Footage, RecordedFootage
@@ -148,7 +146,7 @@ class RunNews:
             now = motion_of(RecordedFootage(self._recording), [frame])
         except (GaspError, OSError):
             return motion
-        return Motion(points=np.concatenate([motion.points, now.points]))
+        return Motion.joined([motion, now])
 
 
 def figure(value: float | None, unit: str = "") -> str:

@@ -11,7 +11,7 @@ def test_what_is_shown_has_one_size_about_the_origin():
     for size, where in ((1e-3, 0.0), (1.0, 1e4), (1e5, -3.0)):
         lower = where + size * rng.uniform(-1, 0, 3)
         upper = lower + size * rng.uniform(0.5, 1, 3)
-        stage = Stage.of(Motion(points=np.stack([lower, upper])))
+        stage = Stage.of(Motion(points=np.stack([lower, upper]), frames=np.zeros(2, dtype=int)))
         ends = stage.place(np.stack([lower, upper]))
         # A few float64 roundings of the place, magnified with the rest.
         slack = 16 * 2.0**-53 * (abs(where) + size)
