@@ -13,8 +13,8 @@ import numba
 import numpy as np
 from gasp_renderer.blending import blend
 from gasp_renderer.inputs import checked_inputs, checked_occluders
-from gasp_renderer.projection import FIELDS, View, project
-from gasp_renderer.rasteriser import NumbaRenderer, empty_picture, tile_lists
+from gasp_renderer.projection import FIELDS, SPANS, View, project
+from gasp_renderer.rasteriser import NumbaRenderer, empty_picture, first_rays, tile_lists
 from gasp_renderer.sorting import front_to_back
 
 from gasp_core.io import read_splat
@@ -55,26 +55,35 @@ class Clock:
         return self.last - before
 
 
-def stages(splats, camera, ellipses, depths, boxes):
+def stages(splats, camera, walls, ellipses, spans, depths, boxes):
     """Seconds that each stage of one picture takes."""
     clock = Clock()
-    inputs, walls = checked_inputs(splats), checked_occluders(None, camera)
+    inputs, walls = checked_inputs(splats), checked_occluders(walls, camera)
+    spans = spans[: len(spans) * (len(walls) > 0)]
     check = clock()
-    project(View.of(camera), *inputs, ellipses, depths, boxes)
+    project(View.of(camera), *inputs, ellipses, spans, depths, boxes)
     projection = clock()
     order = front_to_back(depths)
     sort = clock()
     starts, lists = tile_lists(order, boxes, camera)
     binning = clock()
     picture = empty_picture(camera)
-    blend(ellipses, starts, lists, walls, picture.colour, picture.alpha, picture.depth)
+    blend(ellipses, spans, starts, lists, first_rays(camera), walls, picture.colour, picture.alpha, picture.depth)
     return check, projection, sort, binning, clock()
 
 
-def frame(renderer, splats, camera):
+def floor(means, camera):
+    """Depths of a floor that the lowest tenth of the splat is in; the files are y-down."""
+    height, rays = np.percentile(means[:, 1], 90), camera.rays()
+    falling = rays[..., 1]
+    below = (height - camera.position[1]) / np.where(falling > 0, falling, 1.0)
+    return np.where(falling > 0, below, np.inf).astype(np.float32)
+
+
+def frame(renderer, splats, camera, walls):
     """Seconds that one picture takes."""
     clock = Clock()
-    renderer.render(splats, camera)
+    renderer.render(splats, camera, occluders=walls)
     return clock()
 
 
@@ -90,16 +99,22 @@ def main():
         splats = RenderInput.of(read_splat(DATA / "splats" / name))
         camera, count = framed(splats.means, width, height), len(splats)
         renderer = NumbaRenderer()
-        scratch = np.zeros((count, FIELDS), np.float32), np.zeros(count), np.zeros((count, 4), np.int16)
-        frame(renderer, splats, camera)
-        whole, parts = [], []
-        for _ in range(REPEATS):
-            whole.append(frame(renderer, splats, camera))
-            parts.append(stages(splats, camera, *scratch))
-        took = 1e3 * np.median(whole)
-        print(f"{name:<12} {f'{width}x{height}':>9} {splats.sh_degree:>2} {count:>9,} {took:>6.1f}", end="")
-        print(f" {1e3 * min(whole):>6.1f} {1e6 * took / count:>7.0f}", end="")
-        print("".join(f" {1e3 * part:>7.1f}" for part in np.median(parts, axis=0)), flush=True)
+        scratch = (
+            np.zeros((count, FIELDS), np.float32),
+            np.zeros((count, SPANS), np.float32),
+            np.zeros(count),
+            np.zeros((count, 4), np.int16),
+        )
+        for walls in (None, floor(splats.means, camera)):
+            frame(renderer, splats, camera, walls)
+            whole, parts = [], []
+            for _ in range(REPEATS):
+                whole.append(frame(renderer, splats, camera, walls))
+                parts.append(stages(splats, camera, walls, *scratch))
+            took, what = 1e3 * np.median(whole), name if walls is None else "  on a floor"
+            print(f"{what:<12} {f'{width}x{height}':>9} {splats.sh_degree:>2} {count:>9,} {took:>6.1f}", end="")
+            print(f" {1e3 * min(whole):>6.1f} {1e6 * took / count:>7.0f}", end="")
+            print("".join(f" {1e3 * part:>7.1f}" for part in np.median(parts, axis=0)), flush=True)
 
 
 if __name__ == "__main__":

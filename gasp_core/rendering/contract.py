@@ -7,6 +7,10 @@ The image model is that of 3DGS (Kerbl et al. 2023, 10.1145/3592433), stated her
 - a Gaussian nearer than `Camera.near` along the axis of view is not drawn;
 - alpha = min(0.999, opacity exp(-d^2 / 2)) at pixel centres; below 1/255 it is 0;
 - colour max(0, 0.5 + harmonics(R^T d)), d the unit direction from the eye to the mean, R the matter's turn;
+- before something opaque at depth D in a pixel there is, of a Gaussian's optical depth -log(1 - alpha), the part that
+  is nearer: alpha' = 1 - (1 - alpha)^Phi((D - m) / s). Along the ray z r, r = (x, y, 1), the density of a Gaussian with
+  mean mu and covariance S in the camera's frame is normal, with m = r^T S^-1 mu / r^T S^-1 r, s^2 = 1 / r^T S^-1 r; the
+  0.3 px^2 are added to S as wide as a pixel is at the mean;
 - front to back in the order of the means' depths, weights w_i = alpha_i prod_{j < i} (1 - alpha_j).
 
 Colours are display values, as splats are trained on: no gamma anywhere.
@@ -81,7 +85,7 @@ class SplatRenderer(Protocol):
             From where, and how large.
         occluders : (H, W)
             Depth along the axis of view at which something opaque stands in each pixel, inf where nothing does: what
-            is behind it is not drawn there. A Gaussian is where its mean is.
+            is behind it is not drawn there, of a Gaussian that reaches through it as much as is.
 
         Raises
         ------

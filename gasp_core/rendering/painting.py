@@ -73,7 +73,7 @@ class FramePainter:
         if self._scenery is None or camera is not self._camera or moves:
             motion = self._motion
             scenery = draw_scenery(colliders, camera, centre=motion.centre, reach=motion.reach, time=time)
-            self._scenery = ShadowedScenery.of(scenery, camera, motion)
+            self._scenery = ShadowedScenery.of(colliders, scenery, camera, motion, time)
             self._camera = camera
         return self._scenery
 

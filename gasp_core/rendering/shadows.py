@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract import Collider
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.framing import Motion
-from gasp_core.rendering.scenery import LIGHT
+from gasp_core.rendering.scenery import LIGHT, nearest_hits
 
 __all__ = ["ShadowedScenery"]
 
 Array = NDArray[Any]
 
 _SIDE = 256
+_LARGEST_SIDE = 1024
+"""Of a map [px]; of what goes several times as far as it is large it shows more, for shadows that are as sharp."""
+_WIDTH = 1.4
+"""Of the map in sizes of the motion: Gaussians have a size of their own, and what casts must not be cut off."""
 _FAR = 30.0
 """Distance of the lamp in sizes of the motion: its rays are nearly parallel."""
 _SOFTNESS = 2.0
@@ -39,18 +45,24 @@ class ShadowedScenery:
         Without shadow.
     lamp
         The camera that looks from the lamp.
+    lit : (h, w)
+        Depth at which the lamp's light meets the scenery: what is behind it casts no shadow.
     places : (2, H, W) float32 [px]
         Down and across in the lamp's picture, from the middle of its first pixel; far outside where there is none.
     """
 
     scenery: Picture
     lamp: Camera
+    lit: Array
     places: Array
 
     @classmethod
-    def of(cls, scenery: Picture, camera: Camera, motion: Motion) -> ShadowedScenery:
-        """From the scenery that a camera sees."""
+    def of(
+        cls, colliders: Sequence[Collider], scenery: Picture, camera: Camera, motion: Motion, time: float = 0.0
+    ) -> ShadowedScenery:
+        """From the scenery that a camera sees of colliders at a time [s]."""
         lamp = _lamp(motion)
+        lit = nearest_hits(colliders, lamp.position, lamp.rays(), time).depth
         places = np.empty((2, *scenery.depth.shape), np.float32)
         # From the camera's frame to the lamp's: turn @ depth (x / z, y / z, 1) + shift.
         turn = lamp.rotation @ camera.rotation.T
@@ -66,14 +78,14 @@ class ShadowedScenery:
             # Pixel k's centre is at k + 1/2.
             places[0, rows] = np.where(met, lamp.focal_y * down / ahead + lamp.center_y - 0.5, _OUTSIDE)
             places[1, rows] = np.where(met, lamp.focal_x * across / ahead + lamp.center_x - 0.5, _OUTSIDE)
-        return cls(scenery=scenery, lamp=lamp, places=places)
+        return cls(scenery=scenery, lamp=lamp, lit=lit, places=places)
 
     def under(self, splats: RenderInput, renderer: SplatRenderer) -> Picture:
         """The scenery with the shadow of splats on it."""
         # Slow to import.
         from scipy.ndimage import gaussian_filter, map_coordinates
 
-        cast = gaussian_filter(renderer.render(splats, self.lamp).alpha, _SOFTNESS)
+        cast = gaussian_filter(renderer.render(splats, self.lamp, occluders=self.lit).alpha, _SOFTNESS)
         shade = map_coordinates(cast, self.places, order=1, mode="constant", cval=0.0, prefilter=False)
         return replace(self.scenery, colour=self.scenery.colour * (1 - np.float32(_DARKNESS) * shade)[:, :, None])
 
@@ -81,11 +93,12 @@ class ShadowedScenery:
 def _lamp(motion: Motion) -> Camera:
     direction = LIGHT / np.linalg.norm(LIGHT)
     distance = _FAR * motion.reach
+    side = min(round(_SIDE * max(motion.reach / max(motion.size, 1e-9 * motion.reach), 1.0)), _LARGEST_SIDE)
     return look_at(
         motion.centre + distance * direction,
         motion.centre,
-        width=_SIDE,
-        height=_SIDE,
-        field_of_view=math.degrees(2 * math.atan(0.55 / _FAR)),
+        width=side,
+        height=side,
+        field_of_view=math.degrees(2 * math.atan(0.5 * _WIDTH / _FAR)),
         near=1e-3 * distance,
     )

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import Picture
 from gasp_core.rendering.framing import Motion
-from gasp_core.rendering.scenery import draw_scenery, nearest_hits
+from gasp_core.rendering.scenery import LIGHT, draw_scenery, nearest_hits
 from gasp_core.rendering.shadows import ShadowedScenery
 
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
@@ -134,12 +136,10 @@ class Disc:
 
 
 def test_a_shadow_falls_where_the_lamp_says():
-    from gasp_core.rendering.scenery import LIGHT
-
     eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
     motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]), frames=np.zeros(2, dtype=int))
     scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
-    shadowed = ShadowedScenery.of(scenery, eye, motion)
+    shadowed = ShadowedScenery.of([FLOOR], scenery, eye, motion)
     mean = np.array([[0.1, -0.2, 1.0]])
     splats = RenderInput(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
     dark = 1 - shadowed.under(splats, Disc()).colour[:, :, 0] / scenery.colour[:, :, 0]
@@ -153,6 +153,29 @@ def test_a_shadow_falls_where_the_lamp_says():
     area = dark.sum() / 0.45 * (6 / eye.focal_x) ** 2
     assert area == pytest.approx(np.pi * 0.04 / (LIGHT[2] / np.linalg.norm(LIGHT)), rel=0.05)
     assert np.array_equal(shadowed.under(splats, Disc()).alpha, scenery.alpha)
+
+
+def test_what_is_buried_casts_no_shadow_and_what_is_at_the_edge_of_the_motion_casts_all_of_it():
+    eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
+    motion = Motion(points=np.array([[-1.0, -1, -1], [1, 1, 1]]), frames=np.zeros(2, dtype=int))
+    scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
+    shadowed = ShadowedScenery.of([FLOOR], scenery, eye, motion)
+
+    class Seen(Disc):
+        def render(self, splats, camera, *, occluders=None):
+            before = Disc.render(self, splats, camera)
+            return replace(before, alpha=before.alpha * (camera.project(splats.means)[1][0] < occluders))
+
+    def darkened(place):
+        splats = RenderInput(
+            means=np.array([place]), opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6))
+        )
+        return 1 - shadowed.under(splats, Seen()).colour[:, :, 0] / scenery.colour[:, :, 0]
+
+    assert not darkened((0.0, 0.0, -0.5)).any()
+    area = np.pi * 0.04 / (LIGHT[2] / np.linalg.norm(LIGHT)) * 0.45
+    for corner in ((-1.0, -1.0, 0.5), (1.0, 1.0, 0.5), (1.0, -1.0, 0.9)):
+        assert darkened(corner).sum() * (6 / eye.focal_x) ** 2 == pytest.approx(area, rel=0.05)
 
 
 def test_what_moves_is_drawn_where_it_is_then():

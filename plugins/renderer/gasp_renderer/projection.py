@@ -27,7 +27,7 @@ from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import ALPHA_FLOOR, LOW_PASS
 from gasp_renderer.inputs import FARTHEST
 
-__all__ = ["FIELDS", "TILE", "View", "project"]
+__all__ = ["FIELDS", "SPANS", "TILE", "View", "project"]
 
 Array = NDArray[Any]
 
@@ -38,12 +38,21 @@ ACROSS, SLANT, OFFSET_X, DOWN, OFFSET_Y, STRENGTH, RED, GREEN, BLUE, DEPTH, TOP,
 """Columns of a drawn Gaussian; TOP and BOTTOM are its first row of pixels and the one behind its last."""
 FIELDS = 12
 
+W00, W10, W11, W20, W21, W22, M0, M1, M2, HALF = range(10)
+"""Columns of how a drawn Gaussian lies along the rays: a triangular W that whitens it in the camera's frame (W^T W is
+the inverse of its covariance), W times its mean, and how much nearer or deeper than its mean it is ever seen."""
+SPANS = 10
+
 _CHUNK = 512
 """Gaussians that share one scratch array; many chunks a thread even out what is drawn and what is not."""
 _HALF_LOG2E = 0.5 * math.log2(math.e)
 _FLOOR = math.log2(ALPHA_FLOOR)
 _BRIGHTEST = 1e30
 """Colours end here, so that none becomes infinite and then, times a weight of zero, NaN."""
+
+_DEEPEST = 5.0
+"""Deviations of the depth beyond which nothing of a Gaussian is seen: in the picture alpha is below its floor from 3.33
+on, along a ray 2e-4 of it are beyond 3.5, and the two add up as squares to 4.8."""
 
 _function = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 _strict = numba.njit(cache=True, error_model="numpy")
@@ -112,12 +121,8 @@ def _gradient(rotation, row, scale, slope):
 
 
 @_function
-def _flat_axes(quaternion, scales, to_x, to_y):
-    """xx, xy, yy and determinant of J R S S^T R^T J^T.
-
-    Straight from the axes: products of them would lose the thin side of a needle, and the determinant as the squared
-    area of the two rows of J R S is no difference of large numbers.
-    """
+def _axes(quaternion, scales, row):
+    """A row of three times R S."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     w, x, y, z = np.float64(w), np.float64(x), np.float64(y), np.float64(z)
     squared = w * w + x * x + y * y + z * z
@@ -132,8 +137,17 @@ def _flat_axes(quaternion, scales, to_x, to_y):
         (xz + wy, yz - wx, 1 - xx - yy),
     )
     s0, s1, s2 = np.float64(scales[0]), np.float64(scales[1]), np.float64(scales[2])
-    a = (s0 * _dot(to_x, first), s1 * _dot(to_x, second), s2 * _dot(to_x, third))
-    b = (s0 * _dot(to_y, first), s1 * _dot(to_y, second), s2 * _dot(to_y, third))
+    return s0 * _dot(row, first), s1 * _dot(row, second), s2 * _dot(row, third)
+
+
+@_function
+def _flat_axes(quaternion, scales, to_x, to_y):
+    """xx, xy, yy and determinant of J R S S^T R^T J^T.
+
+    Straight from the axes: products of them would lose the thin side of a needle, and the determinant as the squared
+    area of the two rows of J R S is no difference of large numbers.
+    """
+    a, b = _axes(quaternion, scales, to_x), _axes(quaternion, scales, to_y)
     area = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     return _dot(a, a), _dot(a, b), _dot(b, b), _dot(area, area)
 
@@ -155,6 +169,67 @@ def _flat_covariance(c, to_x, to_y):
     largest = math.sqrt(xx * yy)
     xy = min(max(_dot(a, to_y), -largest), largest)
     return xx, xy, yy, max(xx * yy - xy * xy, 0.0)
+
+
+@_function
+def _turned_axes(quaternion, scales, rotation):
+    """Covariance xx xy xz yy yz zz of a Gaussian in the camera's frame."""
+    a = _axes(quaternion, scales, rotation[0])
+    b = _axes(quaternion, scales, rotation[1])
+    c = _axes(quaternion, scales, rotation[2])
+    return _dot(a, a), _dot(a, b), _dot(a, c), _dot(b, b), _dot(b, c), _dot(c, c)
+
+
+@_function
+def _times(c, row):
+    return (
+        c[0] * row[0] + c[1] * row[1] + c[2] * row[2],
+        c[1] * row[0] + c[3] * row[1] + c[4] * row[2],
+        c[2] * row[0] + c[4] * row[1] + c[5] * row[2],
+    )
+
+
+@_function
+def _turned_covariance(c, rotation):
+    """The same of a covariance of the world."""
+    a, b, z = _times(c, rotation[0]), _times(c, rotation[1]), _times(c, rotation[2])
+    return (
+        _dot(rotation[0], a),
+        _dot(rotation[0], b),
+        _dot(rotation[0], z),
+        _dot(rotation[1], b),
+        _dot(rotation[1], z),
+        _dot(rotation[2], z),
+    )
+
+
+@_function
+def _fill_span(span, c, x, y, z, pixel):
+    """Whiten a Gaussian of the camera's frame by the Cholesky factor of its covariance, the low-pass added.
+
+    Parameters
+    ----------
+    span : (SPANS,)
+    c
+        Covariance xx xy xz yy yz zz.
+    x, y, z
+        Mean.
+    pixel
+        Width of a pixel at the mean.
+    """
+    room = LOW_PASS * pixel * pixel
+    l00 = math.sqrt(max(c[0], 0.0) + room)
+    l10, l20 = c[1] / l00, c[2] / l00
+    # What is no covariance by rounding is bounded to one.
+    l11 = math.sqrt(max(c[3] + room - l10 * l10, 0.25 * room))
+    l21 = (c[4] - l10 * l20) / l11
+    l22 = math.sqrt(max(c[5] + room - l20 * l20 - l21 * l21, 0.25 * room))
+    w00, w11, w22 = 1 / l00, 1 / l11, 1 / l22
+    w10 = -l10 * w00 * w11
+    w20, w21 = -(l20 * w00 + l21 * w10) * w22, -l21 * w11 * w22
+    span[W00], span[W10], span[W11], span[W20], span[W21], span[W22] = w00, w10, w11, w20, w21, w22
+    span[M0], span[M1], span[M2] = w00 * x, w10 * x + w11 * y, w20 * x + w21 * y + w22 * z
+    span[HALF] = _DEEPEST * math.sqrt(max(c[5], 0.0) + room)
 
 
 @_function
@@ -226,8 +301,8 @@ def _whole(value, limit):
 
 
 @_parallel
-def project(view, means, quaternions, scales, covariances, opacities, harmonics, turns, ellipses, depths, boxes):
-    """Fill `ellipses`, `depths` and `boxes` for all Gaussians.
+def project(view, means, quaternions, scales, covariances, opacities, harmonics, turns, ellipses, spans, depths, boxes):
+    """Fill `ellipses`, `spans`, `depths` and `boxes` for all Gaussians.
 
     Parameters
     ----------
@@ -239,6 +314,7 @@ def project(view, means, quaternions, scales, covariances, opacities, harmonics,
     harmonics : (N, (d + 1)^2, 3) float32
     turns : (N, 3, 3) float32, or no rows
     ellipses : (N, FIELDS) float32
+    spans : (N, SPANS) float32, or no rows where nothing stands in the way
     depths : (N,) float64
         inf where a Gaussian is not in the picture; its other rows are then not written.
     boxes : (N, 4) int16
@@ -300,6 +376,13 @@ def project(view, means, quaternions, scales, covariances, opacities, harmonics,
             ellipses[i, ACROSS], ellipses[i, SLANT], ellipses[i, OFFSET_X] = across, slant, across * u - slant * v
             ellipses[i, DOWN], ellipses[i, OFFSET_Y], ellipses[i, STRENGTH] = down, down * v, strength
             ellipses[i, DEPTH], ellipses[i, TOP], ellipses[i, BOTTOM] = depth, first_y, end_y
+            if len(spans) > 0:
+                if len(covariances) > 0:
+                    turned = _turned_covariance(covariances[i], rotation)
+                else:
+                    turned = _turned_axes(quaternions[i], scales[i], rotation)
+                x, y = (u - view.center_x) * depth / view.focal_x, (v - view.center_y) * depth / view.focal_y
+                _fill_span(spans[i], turned, x, y, depth, depth / min(view.focal_x, view.focal_y))
             red, green, blue = _colour(
                 harmonics, turns, i, degree, values, px - view.eye[0], py - view.eye[1], pz - view.eye[2]
             )

@@ -16,17 +16,17 @@ from gasp_renderer.binning import count_pairs, list_pairs
 from gasp_renderer.blending import blend
 from gasp_renderer.inputs import checked_inputs, checked_occluders
 from gasp_renderer.memory import refuse_beyond_memory
-from gasp_renderer.projection import FIELDS, TILE, View, project
+from gasp_renderer.projection import FIELDS, SPANS, TILE, View, project
 from gasp_renderer.sorting import front_to_back
 
-__all__ = ["NumbaRenderer", "empty_picture", "tile_lists"]
+__all__ = ["NumbaRenderer", "empty_picture", "first_rays", "tile_lists"]
 
 Array = NDArray[Any]
 
 _BYTES_PER_PIXEL = 24
 """Colour, alpha, depth and an occluder."""
-_BYTES_PER_GAUSSIAN = 4 * FIELDS + 8 + 8 + 24
-"""Ellipse, depth, box, and two keys and rows while sorting."""
+_BYTES_PER_GAUSSIAN = 4 * (FIELDS + SPANS) + 8 + 8 + 24
+"""Ellipse, span, depth, box, and two keys and rows while sorting."""
 
 
 class NumbaRenderer:
@@ -38,6 +38,7 @@ class NumbaRenderer:
 
     def __init__(self) -> None:
         self._ellipses = np.empty((0, FIELDS), np.float32)
+        self._spans = np.empty((0, SPANS), np.float32)
         self._depths = np.empty(0, np.float64)
         self._boxes = np.empty((0, 4), np.int16)
 
@@ -49,8 +50,8 @@ class NumbaRenderer:
         needed = _BYTES_PER_PIXEL * camera.width * camera.height + _BYTES_PER_GAUSSIAN * len(splats)
         refuse_beyond_memory(needed, load, "draw a smaller picture or fewer Gaussians")
         try:
-            ellipses, depths, boxes = self._scratch(len(splats))
-            pairs = project(View.of(camera), *inputs, ellipses, depths, boxes)
+            ellipses, spans, depths, boxes = self._scratch(len(splats), occluded=len(walls) > 0)
+            pairs = project(View.of(camera), *inputs, ellipses, spans, depths, boxes)
             refuse_beyond_memory(
                 4 * pairs,
                 f"{len(splats):,} Gaussians that touch {pairs:,} tiles of {TILE} x {TILE} pixels",
@@ -58,17 +59,27 @@ class NumbaRenderer:
             )
             starts, lists = tile_lists(front_to_back(depths), boxes, camera)
             picture = empty_picture(camera)
-            blend(ellipses, starts, lists, walls, picture.colour, picture.alpha, picture.depth)
+            blend(
+                ellipses, spans, starts, lists, first_rays(camera), walls, picture.colour, picture.alpha, picture.depth
+            )
         except MemoryError as error:
             raise RenderingError(f"{load} do not fit in memory: draw a smaller picture or fewer Gaussians") from error
         return picture
 
-    def _scratch(self, count: int) -> tuple[Array, Array, Array]:
+    def _scratch(self, count: int, *, occluded: bool) -> tuple[Array, Array, Array, Array]:
         if count > len(self._depths):
             self._ellipses = np.empty((count, FIELDS), np.float32)
             self._depths = np.empty(count, np.float64)
             self._boxes = np.empty((count, 4), np.int16)
-        return self._ellipses[:count], self._depths[:count], self._boxes[:count]
+        if occluded and count > len(self._spans):
+            self._spans = np.empty((count, SPANS), np.float32)
+        return self._ellipses[:count], self._spans[: count * occluded], self._depths[:count], self._boxes[:count]
+
+
+def first_rays(camera: Camera) -> tuple[float, float, float, float]:
+    """x / z of the first column of pixels and its step, y / z of the first row and its step."""
+    across, down = 1 / float(camera.focal_x), 1 / float(camera.focal_y)
+    return (0.5 - float(camera.center_x)) * across, across, (0.5 - float(camera.center_y)) * down, down
 
 
 def tile_lists(order: Array, boxes: Array, camera: Camera) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis, material_directions
@@ -38,14 +39,16 @@ class ReferenceRenderer:
         seen = seen[drawn]
         centers, _ = camera.project(inputs.means)
         shapes = _projected(inputs, seen, camera)
+        inverses = _inverses(inputs, seen, camera) if len(walls) else np.empty((len(seen), 0))
+        rays = np.stack(np.broadcast_arrays(*camera.slopes(), 1.0), axis=2)
         colours = _colours(inputs, camera)
 
         light = np.ones((camera.height, camera.width))
         colour = np.zeros((camera.height, camera.width, 3))
         depth = np.zeros((camera.height, camera.width))
         x, y = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
-        for (u, v), (xx, xy, yy, determinant), opacity, tint, distance in zip(
-            centers, shapes, inputs.opacities, colours, seen[:, 2]
+        for (u, v), (xx, xy, yy, determinant), inverse, opacity, tint, mean in zip(
+            centers, shapes, inverses, inputs.opacities, colours, seen
         ):
             if not (np.isfinite(determinant) and abs(u) <= FARTHEST and abs(v) <= FARTHEST):
                 continue
@@ -59,11 +62,14 @@ class ReferenceRenderer:
             alpha = np.minimum(ALPHA_LIMIT, opacity * np.exp(-0.5 * squared))
             alpha[alpha < ALPHA_FLOOR] = 0
             if len(walls):
-                alpha[walls[rows, columns] < distance] = 0
+                ray = rays[rows, columns]
+                squared = np.einsum("hwi,ij,hwj->hw", ray, inverse, ray)
+                deepest = np.einsum("hwi,ij,j->hw", ray, inverse, mean) / squared
+                alpha = 1 - (1 - alpha) ** ndtr((walls[rows, columns] - deepest) * np.sqrt(squared))
             weight = light[rows, columns] * alpha
             light[rows, columns] -= weight
             colour[rows, columns] += weight[:, :, None] * tint
-            depth[rows, columns] += weight * distance
+            depth[rows, columns] += weight * mean[2]
 
         alpha = 1 - light
         mean_depth = np.full_like(depth, np.inf)
@@ -120,6 +126,17 @@ def _projected(inputs: Inputs, seen: Array, camera: Camera) -> Array:
         # det(S + c I) = det S + c tr S + c^2.
         determinant = determinant + LOW_PASS * (xx + yy) + LOW_PASS**2
     return np.stack([xx + LOW_PASS, xy, yy + LOW_PASS, determinant], axis=1)
+
+
+def _inverses(inputs: Inputs, seen: Array, camera: Camera) -> Array:
+    """Inverses (N, 3, 3) of the covariances in the camera's frame, the low-pass added."""
+    if len(inputs.covariances):
+        turned = camera.rotation @ inputs.covariances[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]] @ camera.rotation.T
+    else:
+        axes = camera.rotation @ (rotation_matrices(inputs.quaternions) * inputs.scales[:, None, :])
+        turned = axes @ axes.transpose(0, 2, 1)
+    pixels = seen[:, 2] / min(camera.focal_x, camera.focal_y)
+    return np.linalg.inv(turned + (LOW_PASS * pixels**2)[:, None, None] * np.eye(3))
 
 
 def _colours(inputs: Inputs, camera: Camera) -> Array:
