@@ -44,8 +44,8 @@ A camera of its own can stand in the scene file:
     metavar="PATH",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="film.mp4, sheet.png (key frames with their times) or a folder of pictures; more than one if you like."
-    " [default: named after RUN, .mp4; .png for a splat file]",
+    help="film.mp4 (or .webm, .gif), sheet.png (key frames with their times) or a folder of pictures; more than one if"
+    " you like. [default: named after RUN, .mp4; .png for a splat file]",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
 @click.option(
@@ -65,7 +65,11 @@ A camera of its own can stand in the scene file:
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame alone, counted from 0.")
 @click.option("--slower", metavar="TIMES", type=click.FloatRange(min=0.01, max=1000), default=1.0, help="Slow motion.")
 @click.option(
-    "--background", metavar="COLOUR", default="white", show_default=True, help="A name, #rrggbb, or transparent."
+    "--background",
+    metavar="COLOUR",
+    default="white",
+    show_default=True,
+    help="A name, #rrggbb, transparent.",
 )
 @click.option("--up", metavar="AXIS", default="-y", show_default=True, help="A splat file's axis that points up.")
 @most_memory_option

@@ -76,7 +76,8 @@ Examples:
     metavar="PATH",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Film it while it runs: film.mp4, sheet.png or a folder of pictures; more than one if you like.",
+    help="Film it while it runs: film.mp4 (or .webm, .gif), sheet.png or a folder of pictures; more than one if you"
+    " like.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
 @click.option(

@@ -49,8 +49,8 @@ def render(
     run
         A recording, finished or not, or the path of one, or of a splat file.
     outs
-        ``film.mp4``, ``sheet.png`` (key frames; of a single frame a plain picture), else a folder of pictures. Each
-        frame is painted once for all of them.
+        ``film.mp4``, ``.webm``, ``.gif``, ``sheet.png`` (key frames; of one frame a plain picture), else a folder of
+        pictures. Each frame is painted once for all of them.
     size [px]
         Width and height of a picture.
     camera
@@ -66,7 +66,7 @@ def render(
     slower
         Slow motion: 2 makes the film twice as long.
     background
-        A colour name, #rrggbb, or "transparent" (pictures only).
+        A colour name, #rrggbb, or "transparent" (all but .mp4).
     up
         A splat file's axis that points up.
     renderer

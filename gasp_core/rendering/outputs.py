@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import RenderingError
 from gasp_core.rendering.contact_sheet import Sheet, key_frames
 from gasp_core.rendering.pictures import PictureFile, PictureFolder
-from gasp_core.rendering.video import FilmFile
+from gasp_core.rendering.video import FILMS, FilmFile
 
 if TYPE_CHECKING:
     from typing import Self
@@ -47,7 +47,7 @@ class Output(Protocol):
 
 
 def open_output(path: Path, *, count: int, frame_rate: float, title: str) -> Output:
-    """What a name asks for: .mp4 a film, .png a sheet of key frames, else a folder of pictures.
+    """What a name asks for: .mp4, .webm, .gif a film, .png a sheet of key frames, else a folder of pictures.
 
     Parameters
     ----------
@@ -68,14 +68,15 @@ def open_output(path: Path, *, count: int, frame_rate: float, title: str) -> Out
     if not path.absolute().parent.is_dir():
         raise RenderingError(f"{path}: there is no folder {path.parent}: make it, or choose another place")
     suffix = path.suffix.lower()
-    if suffix in (".mp4", ".png") and path.is_dir():
+    if suffix in (*FILMS, ".png") and path.is_dir():
         raise RenderingError(f"{path}: is a folder: name a file")
-    if suffix == ".mp4":
+    if suffix in FILMS:
         return FilmFile(path, frame_rate)
     if suffix == ".png":
         return PictureFile(path) if count == 1 else Sheet(path, title, key_frames(count))
     if suffix and not path.is_dir():
         raise RenderingError(
-            f"{path}: can be a film (.mp4), a sheet of key frames (.png) or a folder of pictures (frames/)"
+            f"{path}: can be a film ({', '.join(FILMS)}), a sheet of key frames (.png) or a folder of pictures"
+            " (frames/)"
         )
     return PictureFolder(path)

@@ -55,6 +55,46 @@ def test_a_film_shows_what_it_was_given(tmp_path):
     assert min(psnr(a, b) for a, b in zip(frames, pictures)) >= 35
 
 
+@pytest.mark.parametrize("name", ["film.webm", "film.gif"])
+def test_films_for_pages(tmp_path, name):
+    pictures = [muted(k) for k in range(12)]
+    written(open_output(tmp_path / name, count=12, frame_rate=25, title="t"), pictures)
+    frames, rate, _ = decoded(tmp_path / name)
+    assert len(frames) == 12 and float(rate) == pytest.approx(25)
+    # The .gif has all of their few colours.
+    with np.errstate(divide="ignore"):
+        assert min(psnr(a, b) for a, b in zip(frames, pictures)) >= 35
+
+
+def test_a_gif_goes_on_and_is_no_faster_than_browsers_show_it(tmp_path):
+    written(FilmFile(tmp_path / "film.gif", 200), [picture(k) for k in range(12)])
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == 3 and film.info["loop"] == 0 and film.info["duration"] == 20
+        first = np.asarray(film.convert("RGB"))
+        film.seek(1)
+        second = np.asarray(film.convert("RGB"))
+    # Of thousands of colours, 256 and a pattern of them.
+    assert psnr(first, picture(0)) > 20 and psnr(second, picture(4)) > 20 and psnr(first, second) < 15
+
+
+def test_films_that_can_be_transparent_are(tmp_path):
+    import av
+
+    clear = np.dstack([muted(0), np.full((64, 96), 255, np.uint8)])
+    clear[:, :48, 3] = 0
+    for name in ("film.webm", "film.gif"):
+        written(FilmFile(tmp_path / name, 25), [clear] * 3)
+    with Image.open(tmp_path / "film.gif") as film:
+        alpha = np.asarray(film.convert("RGBA"))[:, :, 3]
+        assert (alpha[:, :48] == 0).all() and (alpha[:, 48:] == 255).all()
+    # FFmpeg's own decoder of VP9 passes transparency over; browsers and libvpx read it.
+    decoder = av.codec.CodecContext.create("libvpx-vp9", "r")
+    with av.open(str(tmp_path / "film.webm")) as container:
+        frames = [frame for packet in container.demux(video=0) if packet.size for frame in decoder.decode(packet)]
+    alpha = frames[0].reformat(format="rgba").to_ndarray()[:, :, 3]
+    assert (alpha[:, :40] < 20).all() and (alpha[:, 56:] > 235).all()
+
+
 def test_a_film_says_how_its_colours_are_stored(tmp_path):
     """Players take an untagged film for BT.601 or BT.709 as they like: greens and reds would shift."""
     written(FilmFile(tmp_path / "film.mp4", 25), [picture(0)])
@@ -88,7 +128,7 @@ def test_slow_and_odd_frame_rates(tmp_path):
         assert len(frames) == 3 and float(found) == pytest.approx(rate, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "frames", "sheet.png", "one.png"])
+@pytest.mark.parametrize("name", ["film.mp4", "film.webm", "film.gif", "frames", "sheet.png", "one.png"])
 def test_nothing_is_left_of_what_failed_and_what_was_there_stays(tmp_path, name):
     def output():
         return open_output(tmp_path / name, count=1 if name == "one.png" else 3, frame_rate=25, title="t")
@@ -186,7 +226,7 @@ def test_the_name_says_what_is_made(tmp_path, name, count, kind):
 
 @pytest.mark.parametrize("name", ["a.avi", "a.jpg", "a.gasp"])
 def test_other_endings_are_refused(tmp_path, name):
-    with pytest.raises(RenderingError, match=r"can be a film \(.mp4\)"):
+    with pytest.raises(RenderingError, match=r"can be a film \(.mp4, .webm, .gif\)"):
         open_output(tmp_path / name, count=3, frame_rate=25, title="")
 
 
