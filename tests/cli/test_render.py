@@ -128,7 +128,7 @@ def test_a_run_that_is_still_going_is_shown_as_far_as_it_is(workplace, gasp):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["-o", "a.avi"], ["a.avi: can be a film (.mp4)"]),
+        (["-o", "a.avi"], ["a.avi: can be a film (.mp4, .webm, .gif)"]),
         (["-o", "none/a.mp4"], ["none/a.mp4: there is no folder none"]),
         (["--size", "big"], ["must be WIDTHxHEIGHT in pixels", "gasp render --help"]),
         (["--size", "0x3"], ["width must be 1 to 16384"]),
