@@ -13,6 +13,7 @@ from gasp_core.errors import PluginLoadError
 __all__ = ["BUILT_IN", "CommandGroup", "gasp"]
 
 BUILT_IN = {
+    "new": ("gasp_core.cli.new_scene:new", "Write a scene for a splat: it falls on a floor."),
     "run": ("gasp_core.cli.run:run", "Simulate a scene and keep its frames."),
     "demo": ("gasp_core.cli.demo:demo", "Drop a soft toy, without any data of your own."),
     "render": ("gasp_core.cli.render:render", "Show a run as a film, pictures, or a sheet of key frames."),
@@ -114,13 +115,13 @@ def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool)
     epilog="""\b
 First steps:
   gasp demo                            see it work, no data needed
-  gasp inspect plant.splat             what is in this file?
-  gasp run scene.toml --out plant.gasp
-  gasp render plant.gasp -o plant.mp4
+  gasp new plant.splat                 a scene for it: plant.toml
+  gasp run plant.toml --preview        a first look
+  gasp run plant.toml --render plant.mp4
   gasp export plant.gasp --all --format ply
 
 \b
-A scene is a small TOML file: "gasp run --help" shows one.
+A scene is a small TOML file: "gasp new" writes one, "gasp run --help" shows one.
 """,
 )
 @click.option(

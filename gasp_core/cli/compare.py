@@ -76,11 +76,10 @@ def compare(
     vertices of all Gaussians that move, in percent of the diagonal of the largest object.
     """
     from gasp_core import compare as carry_out
-    from gasp_core import load_scene
     from gasp_core.errors import AccuracyError
 
     folder = Path(scene.stem + ".compare") if out is None else out
-    loaded = settings.applied(load_scene(scene))
+    loaded = settings.load(scene)
     trusted = code_is_trusted(loaded, trust_code)
     try:
         found = carry_out(

@@ -23,7 +23,12 @@ if TYPE_CHECKING:
     from gasp_core.recording import Recording
     from gasp_core.scene.model import Scene
 
-__all__ = ["filmed", "interrupted", "print_outcome", "resumable", "run"]
+__all__ = ["filmed", "interrupted", "previewed", "print_outcome", "resumable", "run"]
+
+_PREVIEW_CELLS = 12
+_PREVIEW_SECONDS = 2.0
+_PREVIEW_RATE = 12.5
+_PREVIEW_SIZE = (640, 360)
 
 
 @click.command(
@@ -51,7 +56,8 @@ A scene:
 Examples:
   gasp run scene.toml
   gasp run scene.toml --engine reference-mpm --out slow.gasp --frames 5
-  gasp run scene.toml --resolution 24 --cores 0.1     a first look, in a tenth of the time
+  gasp run scene.toml --preview                       a first look, in seconds
+  gasp run scene.toml --set object.plant.height=0.3 --set scene.duration=4
   gasp run scene.toml --render film.mp4 --dry-run     how long it would take, and what memory
   gasp run scene.toml --render film.mp4
   gasp run scene.toml --resume        go on after Ctrl-C, a crash or a power cut
@@ -81,6 +87,11 @@ Examples:
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Of a picture, in pixels.")
 @click.option(
+    "--preview",
+    is_flag=True,
+    help="A first look: the first two seconds on a coarse grid, filmed; SCENE.preview.gasp and .mp4 are made anew.",
+)
+@click.option(
     "--dry-run", is_flag=True, help="Keep nothing; print points, substeps, memory and how long it would take."
 )
 @most_memory_option
@@ -98,6 +109,7 @@ def run(
     trust_code: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
+    preview: bool,
     dry_run: bool,
     as_json: bool,
 ) -> None:
@@ -108,9 +120,11 @@ def run(
     """
     if resume and overwrite:
         raise click.UsageError("--resume goes on with a run, --overwrite throws it away: say one of them")
+    if preview and (resume or out is not None or dry_run):
+        raise click.UsageError("--preview has a place of its own: leave --resume, --out and --dry-run out")
     if dry_run and (resume or frames is not None):
         raise click.UsageError("--dry-run is about the whole run: leave --resume and --frames out")
-    from gasp_core import load_scene, simulate
+    from gasp_core import simulate
 
     folder = out if out is not None else Path(scene.stem + ".gasp")
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
@@ -123,7 +137,10 @@ def run(
         command.append("--trust-code")
     for path in films:
         command += ["--render", str(path)]
-    loaded = settings.applied(load_scene(scene))
+    loaded = settings.load(scene)
+    if preview:
+        loaded, folder, overwrite = previewed(loaded), Path(scene.stem + ".preview.gasp"), True
+        films, size = films or (Path(scene.stem + ".preview.mp4"),), _PREVIEW_SIZE
     trusted = code_is_trusted(loaded, trust_code)
     if dry_run:
         found = estimated(loaded, engine, settings, isolate, trusted, films, size)
@@ -153,6 +170,11 @@ def run(
                 recorded(recording.frame_count - 1)
         if as_json:
             print_json(_outcome(recording))
+        elif preview:
+            print_outcome(recording)
+            click.echo(
+                f"a first look, coarse: {', '.join(map(str, films))}; all of it: gasp run {shlex.quote(str(scene))}"
+            )
         else:
             print_outcome(recording)
             if not films:
@@ -160,6 +182,18 @@ def run(
             click.echo(f"splat files of it: gasp export {shlex.quote(str(folder))} --all --format ply")
         if interrupted(recording):
             raise KeyboardInterrupt
+
+
+def previewed(scene: Scene) -> Scene:
+    """The beginning of a scene on a coarse grid, with few frames."""
+    accuracy = scene.accuracy
+    if accuracy.spacing is not None or accuracy.resolution == "auto" or accuracy.resolution > _PREVIEW_CELLS:
+        scene = scene.with_resolution(_PREVIEW_CELLS)
+    return dataclasses.replace(
+        scene,
+        duration=min(scene.duration, _PREVIEW_SECONDS),
+        frame_rate=min(scene.frame_rate, _PREVIEW_RATE),
+    )
 
 
 def print_outcome(recording: Recording) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -30,15 +31,21 @@ class Settings:
         Of the engine.
     cores
         A share of the Gaussians below 1 or with a point in it, a number of cores, or "all" for every vertex.
+    changes
+        Keys of the scene file that are set, "object.plant.height=0.3".
     """
 
     resolution: int | None = None
     device: str | None = None
     precision: Precision | None = None
     cores: float | int | str | None = None
+    changes: tuple[str, ...] = ()
 
-    def applied(self, scene: Scene) -> Scene:
-        """The scene with the resolution and the cores; device and precision go with the engine that is chosen."""
+    def load(self, path: Path) -> Scene:
+        """The scene of a file as it is to be run; device and precision go with the engine that is chosen."""
+        from gasp_core import load_scene
+
+        scene = load_scene(path, self.changes)
         if self.resolution is not None:
             scene = scene.with_resolution(self.resolution)
         if isinstance(self.cores, int):
@@ -55,7 +62,8 @@ class Settings:
             "--precision": None if self.precision is None else self.precision.value,
             "--cores": self.cores,
         }
-        return [word for name, value in given.items() if value is not None for word in (name, str(value))]
+        words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
+        return words + [word for change in self.changes for word in ("--set", change)]
 
 
 def share(word: str) -> float:
@@ -88,7 +96,13 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_settings(
-        *args: Any, resolution: int | None, device: str | None, precision: str | None, cores: Any, **others: Any
+        *args: Any,
+        resolution: int | None,
+        device: str | None,
+        precision: str | None,
+        cores: Any,
+        changes: tuple[str, ...],
+        **others: Any,
     ) -> None:
         from gasp_core.contract import Precision
 
@@ -97,6 +111,7 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
             device=device,
             precision=None if precision is None else Precision(precision),
             cores=cores,
+            changes=changes,
         )
         command(*args, settings=settings, **others)
 
@@ -111,6 +126,13 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
             metavar="SHARE|N|all",
             type=_Cores(),
             help='Cores that stand for the Gaussians: a share, 0.1, or a number, 5000; "all": every vertex.',
+        ),
+        click.option(
+            "--set",
+            "changes",
+            metavar="KEY=VALUE",
+            multiple=True,
+            help="Instead of what the scene file says, e.g. object.plant.height=0.3; more than one if you like.",
         ),
     )
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(options), with_settings)

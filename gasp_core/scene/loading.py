@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -24,6 +24,7 @@ from gasp_core.errors import SceneError
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
 from gasp_core.scene.body_contacts import ContactRule
+from gasp_core.scene.changes import changed
 from gasp_core.scene.columns import Column
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.model import Scene
@@ -56,13 +57,15 @@ _OBJECT = (
 )  # fmt: skip
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, changes: Sequence[str] = ()) -> Scene:
     """Read a scene file.
 
     Parameters
     ----------
     path
         TOML; splats named in it are looked for beside it.
+    changes
+        Keys to set instead of what the file says, each "object.plant.height=0.3".
 
     Raises
     ------
@@ -82,10 +85,10 @@ def load_scene(path: str | Path) -> Scene:
         raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
         raise SceneError(f"{name}: is no scene file: {error}") from None
-    return read_scene(text, file=str(path), folder=path.parent)
+    return read_scene(text, file=str(path), folder=path.parent, changes=changes)
 
 
-def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
+def read_scene(text: str, *, file: str, folder: Path | None, changes: Sequence[str] = ()) -> Scene:
     """A scene from TOML text.
 
     Parameters
@@ -96,8 +99,12 @@ def read_scene(text: str, *, file: str, folder: Path | None) -> Scene:
         Named in messages.
     folder
         Relative splat paths start here and must exist. None: paths are taken as they are and not looked for.
+    changes
+        As of `load_scene`.
     """
-    return _read(migrated(Table(file, "", _tables(text, file)), SCHEMA), folder)
+    values = changed(_tables(text, file), changes)
+    _refuse_extremes(values, file)
+    return _read(migrated(Table(file, "", values), SCHEMA), folder)
 
 
 def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tuple[Scene, tuple[str, ...]]:

@@ -15,7 +15,7 @@ from gasp_core.cli.main import FAILED, INTERRUPTED, main
     ("arguments", "says"),
     [
         (["rnu", "scene.toml"], ['no command "rnu"', 'did you mean "run"?', 'see "gasp --help"']),
-        (["xyz"], ['no command "xyz"', "the commands are run, demo"]),
+        (["xyz"], ['no command "xyz"', "the commands are new, run, demo"]),
         (["run"], ["SCENE", 'see "gasp run --help"']),
         (["run", "scene.toml", "--frames", "0"], ["--frames", "0"]),
         (["run", "scene.toml", "--frames", "many"], ["--frames", "many"]),

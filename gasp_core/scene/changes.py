@@ -1,0 +1,90 @@
+"""Keys of a scene file that are set from outside of it: ``object.plant.height=0.3``."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from typing import Any, cast
+
+from gasp_core.errors import SceneError
+
+__all__ = ["changed"]
+
+
+def changed(values: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
+    """The tables of a scene file with some of their keys set.
+
+    Parameters
+    ----------
+    values
+        As TOML has them; they are changed.
+    changes
+        Each ``path=value``: names of keys with points between them, where one of several tables ([[object]],
+        [[collider]]) is its number from 0 or its name, and need not be said of one alone; and a value as in the file,
+        a text without quotes too.
+
+    Raises
+    ------
+    SceneError
+        Where one is no such, or leads nowhere. Whether there is a key of that name, the reader of the scene tells.
+    """
+    for change in changes:
+        path, equals, text = change.partition("=")
+        keys = [key.strip() for key in path.split(".")]
+        if not equals or not all(keys):
+            raise SceneError(f"--set {change}: must be KEY=VALUE, e.g. object.plant.height=0.3 or scene.duration=2")
+        _set(values, keys, _value(text), change)
+    return values
+
+
+def _set(values: dict[str, Any], keys: Sequence[str], value: Any, change: str) -> None:
+    here: Any = values
+    for depth, key in enumerate(keys[:-1]):
+        if isinstance(here, list):
+            here = _one_of(cast("list[Any]", here), key, ".".join(keys[:depth]), change)
+            continue
+        table = _table(here, keys[:depth], change)
+        inner = table.setdefault(key, {})
+        if isinstance(inner, str) and key == "material":
+            # The name of a preset, of which a number is to be another.
+            inner = table[key] = {"preset": inner}
+        # One table of its kind alone need not be named.
+        if isinstance(inner, list) and len(cast("list[Any]", inner)) == 1 and not _names(inner, keys[depth + 1]):
+            inner = cast("list[Any]", inner)[0]
+        here = inner
+    if isinstance(here, list):
+        raise SceneError(f"--set {change}: {'.'.join(keys[:-1])} are several tables: say which, by name or number")
+    _table(here, keys[:-1], change)[keys[-1]] = value
+
+
+def _table(here: Any, keys: Sequence[str], change: str) -> dict[str, Any]:
+    if not isinstance(here, dict):
+        raise SceneError(f"--set {change}: {'.'.join(keys)} is {here!r} there, and no table with keys in it")
+    return cast("dict[str, Any]", here)
+
+
+def _names(tables: Any, key: str) -> bool:
+    """Whether a key is the number or the name of one of several tables."""
+    entries = cast("list[Any]", tables)
+    return (key.isdecimal() and int(key) < len(entries)) or any(
+        isinstance(entry, dict) and cast("dict[str, Any]", entry).get("name") == key for entry in entries
+    )
+
+
+def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:
+    if not _names(tables, key):
+        names = [str(entry.get("name", number)) for number, entry in enumerate(tables) if isinstance(entry, dict)]
+        raise SceneError(f'--set {change}: there is no {where} "{key}", there are {", ".join(names)}')
+    for entry in tables:
+        if isinstance(entry, dict) and cast("dict[str, Any]", entry).get("name") == key:
+            return cast("dict[str, Any]", entry)
+    return tables[int(key)]
+
+
+def _value(text: str) -> Any:
+    """A value as TOML has it; what is none is a text."""
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text.strip()
+    return found["value"] if len(found) == 1 else text.strip()

@@ -1,0 +1,78 @@
+"""Which end of a capture is down, where its file does not say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.gaussians import Gaussians
+from gasp_core.scene.floaters import floating
+from gasp_core.scene.objects import UpAxis
+from gasp_core.scene.placement import robust_box, upright
+
+__all__ = ["guess_up", "support_shares"]
+
+Array = NDArray[Any]
+
+_USUAL: UpAxis = "-y"
+"""As 3DGS writes files."""
+_OTHERS: tuple[UpAxis, ...] = ("+y", "+z", "-z")
+"""What others do; nobody has x up."""
+_FOOT = 0.04
+"""Of the height, that stands on the ground."""
+_WIDE = 0.35
+"""Share of its outline from above that something has to stand on for that to say anything."""
+_WIDER = 2.0
+"""Times as wide as the usual end that another one has to be."""
+_SEEN = 0.1
+"""Opacity from which on a Gaussian counts."""
+
+
+def guess_up(gaussians: Gaussians) -> tuple[UpAxis, bool]:
+    """The axis of a splat that probably points up: things stand on their widest end.
+
+    Parameters
+    ----------
+    gaussians
+        In the file's own frame.
+
+    Returns
+    -------
+    axis, sure
+        "-y", as 3DGS writes files, unless another end is wide and twice as wide; and whether the end is wide at all.
+    """
+    shares = support_shares(gaussians)
+    best = max(_OTHERS, key=lambda axis: shares[axis])
+    if shares[best] >= _WIDE and shares[best] > _WIDER * shares[_USUAL]:
+        return best, True
+    return _USUAL, shares[_USUAL] >= _WIDE
+
+
+def support_shares(gaussians: Gaussians) -> dict[UpAxis, float]:
+    """Of each axis that might be up, how much of the outline seen along it what is lowest then covers, 0..1."""
+    means = gaussians.means.astype(np.float64)
+    means = means[np.isfinite(means).all(axis=1) & (gaussians.opacities >= _SEEN)]
+    means = means[~floating(means)]
+    return {axis: _support(means @ upright(axis).T) if len(means) else 0.0 for axis in (_USUAL, *_OTHERS)}
+
+
+def _support(points: Array) -> float:
+    lower, upper = robust_box(points)
+    points = points[((points >= lower) & (points <= upper)).all(axis=1)]
+    foot = points[points[:, 2] <= lower[2] + _FOOT * (upper[2] - lower[2])]
+    whole = _hull_area(points[:, :2])
+    return _hull_area(foot[:, :2]) / whole if whole > 0 else 0.0
+
+
+def _hull_area(points: Array) -> float:
+    # Slow to import.
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(points) < 3:
+        return 0.0
+    try:
+        return float(ConvexHull(points).volume)
+    except QhullError:
+        return 0.0

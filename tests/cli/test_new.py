@@ -1,0 +1,107 @@
+"""A scene from the splat alone, keys set on the command line, and a first look."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gasp_core import Recording, load_scene, write_splat
+from gasp_core.scene.standing import guess_up
+
+
+def test_a_scene_for_a_splat_runs_as_it_is(gasp, workplace, toy):
+    outcome = gasp("new", "toy.ply", "-o", "made.toml")
+    assert (outcome.status, outcome.err) == (0, "")
+    first, *_, last = outcome.out.splitlines()
+    assert first == "made.toml: 64 Gaussians, -y up, 0.4 m tall, soft rubber"
+    assert last == "a first look: gasp run made.toml --preview"
+    scene = load_scene("made.toml")
+    (item,) = scene.objects
+    assert (item.name, item.up, item.height, item.position) == ("toy", guess_up(toy)[0], 0.4, (0, 0, 0.2))
+    assert len(scene.colliders) == 1 and scene.accuracy.resolution == 24
+    text = Path("made.toml").read_text()
+    assert "a guess: no file knows" in text and "gasp run made.toml --preview" in text
+
+
+def test_what_is_said_is_not_guessed(gasp, workplace):
+    told = gasp("new", "toy.ply", "-o", "made.toml", "--height", "1.7", "--material", "Wet-Sand", "--up", "+z")
+    assert told.status == 0
+    (item,) = load_scene("made.toml").objects
+    assert (item.height, item.up, item.material.name) == (1.7, "+z", "wet sand")
+    assert "guess" not in Path("made.toml").read_text()
+
+
+def test_a_scene_is_named_after_its_splat_and_finds_it_from_where_it_is(gasp, workplace, toy):
+    (workplace / "there").mkdir()
+    (workplace / "there" / "my bear.compressed.ply").write_bytes((workplace / "toy.ply").read_bytes())
+    assert gasp("new", "there/my bear.compressed.ply").out.startswith("my bear.toml: ")
+    assert load_scene("my bear.toml").objects[0].splat == Path("there/my bear.compressed.ply")
+    (workplace / "here").mkdir()
+    assert gasp("new", "toy.ply", "-o", "here/a.toml").status == 0
+    assert load_scene("here/a.toml").objects[0].splat == workplace / "toy.ply"
+
+
+def test_a_scene_that_is_there_is_not_replaced_unasked(gasp, workplace, refused):
+    before = (workplace / "scene.toml").read_bytes()
+    refused("new", "toy.ply", "-o", "scene.toml", says=["scene.toml: is there already", "--overwrite"])
+    assert (workplace / "scene.toml").read_bytes() == before
+    assert gasp("new", "toy.ply", "-o", "scene.toml", "--overwrite").status == 0
+    assert (workplace / "scene.toml").read_bytes() != before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["none.ply"], ["none.ply"]),
+        (["scene.toml"], ["scene.toml"]),
+        (["toy.ply", "--height", "0"], ["--height"]),
+        (["toy.ply", "--up", "y"], ["--up", "-y"]),
+        (["toy.ply", "--material", "rubbre"], ['"rubbre"', "rubber"]),
+        (["toy.ply", "-o", "none/a.toml"], ["none"]),
+    ],
+)
+def test_what_no_scene_can_be_made_of(gasp, workplace, refused, arguments, says):
+    before = sorted(workplace.iterdir())
+    refused("new", *arguments, says=says)
+    assert sorted(workplace.iterdir()) == before
+
+
+def test_odd_names_and_odd_splats(gasp, workplace, toy):
+    means = toy.means.copy()
+    means[3] = np.nan
+    name = 'a"b\\c [x].ply'
+    write_splat(workplace / "odd.ply", toy.with_(means=means))
+    (workplace / "odd.ply").rename(workplace / name)
+    outcome = gasp("new", name, "-o", "made.toml")
+    assert outcome.status == 0 and "odd: " in outcome.out
+    assert load_scene("made.toml").objects[0].splat == Path(name)
+
+
+def test_keys_are_set_on_the_command_line_and_said_again_by_the_hint(gasp, workplace, refused):
+    assert gasp("run", "scene.toml", "--set", "scene.duration=0.04", "--set", "object.toy.height=0.5").status == 0
+    recording = Recording.open("scene.gasp")
+    assert recording.frame_count == 2 and recording.scene.objects[0].height == 0.5
+    again = gasp("run", "scene.toml", "--set", "scene.duration=0.04", "--set", "object.toy.height=0.5", "--resume")
+    assert again.status == 0
+    refused("run", "scene.toml", "--set", "object.bear.height=1", says=["object[0].bear: unknown key"])
+    from gasp_core.cli.settings import Settings
+
+    assert Settings(changes=("a.b=1", "c.d=2")).words() == ["--set", "a.b=1", "--set", "c.d=2"]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here")
+def test_a_first_look_is_coarse_short_and_made_anew(gasp, workplace):
+    changes = ("--set", "scene.duration=5", "--set", "scene.frame_rate=50", "--set", "accuracy.resolution=40")
+    for _ in range(2):
+        outcome = gasp("run", "scene.toml", "--preview", *changes)
+        assert outcome.status == 0, outcome
+        assert "a first look, coarse: scene.preview.mp4; all of it: gasp run scene.toml" in outcome.out
+    recording = Recording.open("scene.preview.gasp")
+    assert recording.frame_count == 26 and recording.scene.accuracy.resolution == 12
+    assert Path("scene.preview.mp4").stat().st_size > 1000 and not Path("scene.gasp").exists()
+
+
+def test_a_first_look_has_a_place_of_its_own(gasp, workplace, refused):
+    for option in (["--resume"], ["--out", "a.gasp"], ["--dry-run"]):
+        refused("run", "scene.toml", "--preview", *option, says=["--preview has a place of its own"])

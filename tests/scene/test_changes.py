@@ -1,0 +1,87 @@
+"""Keys of a scene file that are set from outside of it."""
+
+import pytest
+
+from gasp_core import load_scene
+from gasp_core.errors import SceneError
+
+SCENE = """
+[scene]
+duration = 1.0
+frame_rate = 25
+[[object]]
+name = "plant"
+splat = "plant.ply"
+height = 0.2
+material = "rubber"
+[[object]]
+name = "pot"
+splat = "plant.ply"
+material = { model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }
+[[collider]]
+shape = "plane"
+height = 0.0
+[accuracy]
+resolution = 24
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    (tmp_path / "plant.ply").touch()
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return lambda *changes: load_scene(tmp_path / "scene.toml", changes)
+
+
+def test_keys_are_set_by_where_they_stand(load):
+    scene = load(
+        "scene.duration=2",
+        "object.pot.material.youngs_modulus = 1e6",
+        "object.0.height=0.5",
+        "collider.height=0.25",
+        "object.pot.position=[0, 0, 1]",
+        "accuracy.resolution=12",
+        "engine.name=reference-mpm",
+    )
+    assert scene.duration == 2 and scene.accuracy.resolution == 12 and scene.engine.name == "reference-mpm"
+    plant, pot = scene.objects
+    assert plant.height == 0.5 and pot.material.youngs_modulus == 1e6 and pot.position == (0, 0, 1)
+    assert pot.material.density == 200
+    assert scene.colliders[0].shape.point[2] == 0.25
+
+
+def test_a_number_of_a_preset_and_a_whole_material(load):
+    rubber = load().objects[0].material
+    heavy = load("object.plant.material.density=2000").objects[0].material
+    assert heavy.density == 2000 and heavy.youngs_modulus == rubber.youngs_modulus
+    assert load("object.plant.material=jelly").objects[0].material.density == 1050
+    mud = 'object.plant.material={ model = "elastic", density = 9, youngs_modulus = 1e3, poissons_ratio = 0.2 }'
+    assert load(mud).objects[0].material.density == 9
+
+
+def test_without_changes_a_scene_is_what_its_file_says(load):
+    assert load() == load("scene.duration=1.0")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("scene.duration", "--set scene.duration: must be KEY=VALUE"),
+        ("=3", "must be KEY=VALUE"),
+        ("scene..duration=3", "must be KEY=VALUE"),
+        ("object.flower.height=3", 'there is no object "flower", there are plant, pot'),
+        ("object.2.height=3", 'there is no object "2", there are plant, pot'),
+        ("object.height=3", "object are several tables: say which"),
+        ("scene.duration.long=3", "scene.duration is 1.0 there, and no table"),
+        ("scene.lenght=3", "lenght"),
+        ("object.plant.heigth=3", r"object\[0\].*heigth"),
+        ("scene.duration=long", "duration"),
+        ("scene.duration=1\nframe_rate=3", "duration"),
+        ("collider.0=3", "collider are several tables"),
+        ("accuracy.resolution=99999999999999999999", "below 2"),
+    ],
+)
+def test_what_cannot_be_set_is_told(load, change, says):
+    with pytest.raises(SceneError, match=says) as error:
+        load(change)
+    assert "\n" not in str(error.value) or "frame_rate" in change
