@@ -1,14 +1,25 @@
-"""What a run shows on the terminal while it goes on."""
+"""What a run shows on the terminal while it goes on, or in a log every now and then."""
 
 from __future__ import annotations
 
 import math
 import sys
+import threading
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
-__all__ = ["Progress", "counting", "progress_for"]
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+__all__ = ["Progress", "Shown", "counting", "progress_for"]
+
+Shown = bool | Literal["log"] | None
+"""Whether there is a bar on stderr; None: where that is a terminal; "log": there, and elsewhere a line now and then."""
+
+_PAUSE = 10.0
+"""Seconds between two lines of a log."""
 
 
 class Progress:
@@ -20,16 +31,58 @@ class Progress:
     def warn(self, sentence: str) -> None:
         """Tell the user something once, however often it comes up."""
 
+    def enter(self, phase: str) -> None:
+        """What goes on from now, before the first frame."""
+
+    def watch(self, frame: Callable[[], float]) -> None:
+        """Frames go on from now; `frame` says at any moment, from any thread, how many are done, and parts of one."""
+
     def advance(self, frame: int, substep: float) -> None:
         """A frame is done; its smallest substep was `substep` [s]."""
 
 
-class _Bar(Progress):
+class _Watched(Progress):
+    """Knows how far a run is, between frames too."""
+
+    def __init__(self, frames: int) -> None:
+        self.frames = max(frames - 1, 1)
+        self.phase = "preparing"
+        self.substep = math.nan
+        self._frame: Callable[[], float] | None = None
+        self._done = 0
+        self._first = 0.0
+        self._since = 0.0
+
+    def enter(self, phase: str) -> None:
+        self.phase = phase
+
+    def watch(self, frame: Callable[[], float]) -> None:
+        self._frame = frame
+        self._first, self._since = frame(), time.monotonic()
+        self.phase = "frame"
+
+    def advance(self, frame: int, substep: float) -> None:
+        self._done, self.substep = frame, substep
+
+    @property
+    def done(self) -> float:
+        """Frames that are done, and parts of one."""
+        # What an engine in a process of its own is at between frames nobody knows.
+        return max(float(self._done), self._frame()) if self._frame is not None else 0.0
+
+    @property
+    def left(self) -> float:
+        """Seconds that it will probably take, at the speed so far; NaN where nothing is known yet."""
+        made = self.done - self._first
+        return (self.frames - self.done) * (time.monotonic() - self._since) / made if made > 0 else math.nan
+
+
+class _Bar(_Watched):
     """A bar with the time left and the substep, on stderr."""
 
-    def __init__(self, bar: Any, task: Any) -> None:
+    def __init__(self, bar: Any, frames: int) -> None:
+        super().__init__(frames)
         self._bar = bar
-        self._task = task
         self._told: set[str] = set()
 
     def say(self, sentence: str) -> None:
@@ -43,36 +96,94 @@ class _Bar(Progress):
             self._told.add(kind)
             self.say(sentence)
 
-    def advance(self, frame: int, substep: float) -> None:
-        self._bar.update(self._task, completed=frame, substep=f"{substep:.2e} s" if 0 < substep < math.inf else "")
+    def columns(self) -> dict[str, Any]:
+        """What the bar shows now."""
+        substep = f"substep {self.substep:.2e} s" if 0 < self.substep < math.inf else ""
+        left = f"left {_clock(self.left)}" if self.left == self.left else ""
+        return {"completed": self.done, "phase": self.phase, "left": left, "substep": substep}
+
+
+class _Lines(_Watched):
+    """A line on stderr every ten seconds: for logs, and where nobody looks at once."""
+
+    def __init__(self, frames: int) -> None:
+        super().__init__(frames)
+        self._start = time.monotonic()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, name="gasp-progress", daemon=True)
+
+    def __enter__(self) -> _Lines:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _go_on(self) -> None:
+        while not self._ended.wait(_PAUSE):
+            print(self.line(), file=sys.stderr, flush=True)
+
+    def line(self) -> str:
+        """How far it is."""
+        so_far = f"{_clock(time.monotonic() - self._start)} so far"
+        if self.phase != "frame":
+            return f"{self.phase}: {so_far}"
+        left = f", about {_clock(self.left)} left" if self.left == self.left else ""
+        return f"frame {self.done:.1f} of {self.frames}: {so_far}{left}"
 
 
 @contextmanager
-def progress_for(shown: bool | None, frames: int) -> Generator[Progress]:
-    """Something to tell progress to; it is shown where asked for, or (None) where stderr is a terminal."""
+def progress_for(shown: Shown, frames: int) -> Generator[Progress]:
+    """Something to tell progress to, and shown as `Shown` says."""
+    if shown == "log" and not sys.stderr.isatty():
+        with _Lines(frames) as lines:
+            yield lines
+        return
     if shown is False or (shown is None and not sys.stderr.isatty()):
         yield Progress()
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
+    class Live(Bar):
+        """Looks how far the run is whenever it is drawn."""
+
+        watched: tuple[Any, _Bar] | None = None
+
+        def get_renderable(self) -> RenderableType:
+            if self.watched is not None:
+                task, run = self.watched
+                self.update(task, **run.columns())
+            return super().get_renderable()
+
     columns = (
-        TextColumn("frame"),
+        TextColumn("{task.fields[phase]}"),
         MofNCompleteColumn(),
         BarColumn(),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("substep {task.fields[substep]}"),
+        TextColumn("{task.fields[left]}"),
+        TextColumn("{task.fields[substep]}"),
     )
-    with Bar(*columns, console=Console(stderr=True)) as bar:
-        yield _Bar(bar, bar.add_task("", total=max(frames - 1, 1), substep=""))
+    with Live(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=max(frames - 1, 1), phase="preparing", left="", substep="")
+        run = _Bar(bar, frames)
+        bar.watched = task, run
+        yield run
+
+
+def _clock(seconds: float) -> str:
+    """A time as people say it."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.1f} min" if minutes < 99.5 else f"{minutes / 60:.1f} h"
 
 
 @contextmanager
 def counting(shown: bool | None, what: str, total: int) -> Generator[Callable[[], None]]:
-    """A bar for `total` like steps, and a function to call after each; shown as in `progress_for`."""
+    """A bar for `total` like steps, and a function to call after each; shown where stderr is a terminal (None)."""
     if shown is False or (shown is None and not sys.stderr.isatty()):
         yield lambda: None
         return

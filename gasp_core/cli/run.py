@@ -96,6 +96,8 @@ Examples:
 )
 @most_memory_option
 @trust_code_option
+@click.option("--quiet", "-q", is_flag=True, help="No progress and no notes: errors alone.")
+@click.option("--verbose", "-v", is_flag=True, help="A line for every frame: substeps, energy, what is odd.")
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, and no progress.")
 def run(
     scene: Path,
@@ -111,6 +113,8 @@ def run(
     size: tuple[int, int],
     preview: bool,
     dry_run: bool,
+    quiet: bool,
+    verbose: bool,
     as_json: bool,
 ) -> None:
     """Simulate a scene and keep its frames.
@@ -118,6 +122,8 @@ def run(
     SCENE is a TOML file: which splats, what they are made of, what they meet. Every frame is safe on disk once it is
     written; Ctrl-C stops cleanly and says how to go on.
     """
+    if quiet and verbose:
+        raise click.UsageError("--quiet and --verbose contradict each other: say one of them")
     if resume and overwrite:
         raise click.UsageError("--resume goes on with a run, --overwrite throws it away: say one of them")
     if preview and (resume or out is not None or dry_run):
@@ -150,7 +156,7 @@ def run(
             print_estimate(found, loaded, filmed=bool(films))
         return
     with resumable(folder, command):
-        with filmed(folder, loaded, films, size, frames, False if as_json else None) as recorded:
+        with filmed(folder, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
             recording = simulate(
                 loaded,
                 engine=engine,
@@ -162,14 +168,16 @@ def run(
                 overwrite=overwrite,
                 isolate=isolate or None,
                 trust_code=trusted,
-                progress=False if as_json else None,
-                recorded=recorded,
+                progress=False if as_json or quiet else "log",
+                recorded=_told(folder, recorded) if verbose else recorded,
             )
             if recorded is not None and recording.frame_count:
                 # A run that was gone on with may have had all its frames already.
                 recorded(recording.frame_count - 1)
         if as_json:
             print_json(_outcome(recording))
+        elif quiet:
+            pass
         elif preview:
             print_outcome(recording)
             click.echo(
@@ -239,6 +247,27 @@ def resumable(folder: Path, command: Sequence[str]) -> Generator[None]:
         if (folder / "zarr.json").exists():
             raise KeyboardInterrupt(f"stopped; the frames so far are kept, to go on: {shlex.join(command)}") from None
         raise
+
+
+def _told(folder: Path, recorded: Callable[[int], None] | None) -> Callable[[int], None]:
+    """Also a line on stderr of every frame that there was a step to."""
+
+    def tell(frame: int) -> None:
+        from gasp_core.recording import Recording
+
+        if frame > 0:
+            step = Recording.open(folder).diagnostics(frame)
+            told = f"frame {frame}: {step['time']:.4g} s, {step['substeps']} substeps"
+            told += f", the smallest of {step['smallest_substep']:.3g} s"
+            energy = step.get("kinetic_energy")
+            told += "" if energy is None else f", kinetic energy {energy:.4g} J"
+            odd = {name: step.get(name) for name in ("degenerate", "clipped", "inverted", "stretched")}
+            told += "".join(f", {count} {name}" for name, count in odd.items() if count)
+            click.echo(told, err=True)
+        if recorded is not None:
+            recorded(frame)
+
+    return tell
 
 
 def interrupted(recording: Recording) -> bool:

@@ -26,7 +26,7 @@ from gasp_core.discovery.registry import discover
 from gasp_core.errors import RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.processes.scratch import Scratch
-from gasp_core.progress import progress_for
+from gasp_core.progress import Shown, progress_for
 from gasp_core.recording import Recording
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
@@ -59,7 +59,7 @@ def simulate(
     overwrite: bool = False,
     isolate: bool | None = None,
     trust_code: bool = False,
-    progress: bool | None = None,
+    progress: Shown = None,
     recorded: Callable[[int], None] | None = None,
 ) -> Recording:
     """Run a scene and record it.
@@ -89,7 +89,8 @@ def simulate(
         Import the functions that motions of the scene name by text, which is refused otherwise: such code comes with
         the scene, and runs with your rights. A function that is handed over as an object is your own, and asks nothing.
     progress
-        Show a progress bar and notes on stderr; None: where that is a terminal.
+        Show a progress bar and notes on stderr; None: where that is a terminal; "log": there, and elsewhere a line
+        every ten seconds.
     recorded
         Called with the number of each new frame once it is on disk.
 
@@ -136,7 +137,7 @@ def simulate_part(
     overwrite: bool = False,
     isolate: bool | None = None,
     trust_code: bool = False,
-    progress: bool | None = None,
+    progress: Shown = None,
     recorded: Callable[[int], None] | None = None,
 ) -> Recording:
     """`simulate` a scene that is a part of another one, its first moments, and is refused what that one is refused.
@@ -168,9 +169,9 @@ def simulate_part(
     if code_of(scene):
         # Whoever's code it is, it is not imported for a scene that is refused for something else.
         _check_supported(without_code(scene), judged, chosen, known)
-    prepared = _check_supported(scene, judged, chosen, known)
-    header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
     with progress_for(progress, wanted) as shown:
+        prepared = _check_supported(scene, judged, chosen, known)
+        header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
         for note in header.notes:
             shown.say(note)
         if found is not None:
@@ -183,6 +184,7 @@ def simulate_part(
         else:
             # Opened before anything is written: what the engine refuses leaves nothing behind.
             opening = partial(_opened, scene, prepared.assembly, chosen, options, {})
+            shown.enter(f"starting {chosen.descriptor.name}")
             begun = opening() if end > 1 else nullcontext()
             writer, last = None, -1
         with begun as session:

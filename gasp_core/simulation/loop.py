@@ -114,6 +114,7 @@ class FrameLoop:
         scene = self._scene
         with opening() as session, _interrupt() as interrupted:
             self._expect_time(session, last)
+            self._shown.watch(lambda: session.time * scene.frame_rate)
             before = session.read(self._fields)
             for frame in range(last + 1, end):
                 report = session.advance_to(scene.time_of(frame))

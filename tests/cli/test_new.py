@@ -105,3 +105,13 @@ def test_a_first_look_is_coarse_short_and_made_anew(gasp, workplace):
 def test_a_first_look_has_a_place_of_its_own(gasp, workplace, refused):
     for option in (["--resume"], ["--out", "a.gasp"], ["--dry-run"]):
         refused("run", "scene.toml", "--preview", *option, says=["--preview has a place of its own"])
+
+
+def test_quiet_says_nothing_and_verbose_a_line_a_frame(gasp, workplace, refused):
+    quiet = gasp("run", "scene.toml", "--quiet")
+    assert (quiet.status, quiet.out, quiet.err) == (0, "", "")
+    verbose = gasp("run", "scene.toml", "--overwrite", "--verbose")
+    told = verbose.err.splitlines()
+    assert verbose.status == 0 and [line.split(":")[0] for line in told] == ["frame 1", "frame 2"]
+    assert "0.04 s, " in told[0] and " substeps, the smallest of " in told[0]
+    refused("run", "scene.toml", "--quiet", "--verbose", says=["contradict each other"])
