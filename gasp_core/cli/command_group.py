@@ -122,6 +122,10 @@ First steps:
 
 \b
 A scene is a small TOML file: "gasp new" writes one, "gasp run --help" shows one.
+
+\b
+Completion in the shell, for bash (zsh and fish likewise):
+  eval "$(_GASP_COMPLETE=bash_source gasp)"
 """,
 )
 @click.option(

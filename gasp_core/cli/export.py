@@ -25,7 +25,7 @@ SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
 Examples:
   gasp export plant.gasp --all --format ply       plant_frames/plant_0000.ply ...
   gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
-  gasp export plant.gasp --frame 12 --out still.ply
+  gasp export plant.gasp --frame 12 -o still.splat
 """
 )
 @click.argument("run", type=click.Path(path_type=Path))
@@ -33,20 +33,19 @@ Examples:
     "--format",
     "suffix",
     type=click.Choice(list(SUFFIXES)),
-    default="ply",
-    show_default=True,
-    help="ply keeps everything; splat and spz are smaller.",
+    help="ply keeps everything; splat and spz are smaller. [default: as --out ends, else ply]",
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
 @most_memory_option
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
     "--out",
+    "-o",
     metavar="PATH",
     type=click.Path(path_type=Path),
     help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
 )
-def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | None) -> None:
+def export(run: Path, suffix: str | None, frame: int | None, every: bool, out: Path | None) -> None:
     """Write the frames of a run as splat files.
 
     RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has. Frames that are damaged
@@ -64,9 +63,9 @@ def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | N
     if frame is not None:
         if frame >= recording.frame_count:
             raise RecordingError(f"{run}: has frames 0 to {recording.frame_count - 1}, not {frame}")
-        path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix]}")
-        if path.suffix.lower() != SUFFIXES[suffix]:
-            raise click.UsageError(f"--out {path} does not end in {SUFFIXES[suffix]}; say --format too")
+        path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix or 'ply']}")
+        if suffix is not None and path.suffix.lower() != SUFFIXES[suffix]:
+            raise click.UsageError(f"--out {path} does not end in {SUFFIXES[suffix]}, as --format {suffix} wants it")
         from gasp_core.io import write_splat
 
         write_splat(path, recording.gaussians(frame))
@@ -75,7 +74,7 @@ def export(run: Path, suffix: str, frame: int | None, every: bool, out: Path | N
         folder = out if out is not None else Path(f"{stem}_frames")
         lost = set(recording.lost)
         frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
-        paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix])
+        paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"])
         if lost:
             damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")

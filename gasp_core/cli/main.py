@@ -20,6 +20,8 @@ INTERRUPTED = 130
 _BROKEN_PIPE = 141
 """Exit status where nobody reads the output any more (128 + SIGPIPE)."""
 
+COMPLETION_VARIABLE = "_GASP_COMPLETE"
+"""What a shell sets when it wants to know how a command goes on."""
 TRACEBACK_VARIABLE = "GASP_TRACEBACK"
 """Set in the environment, it makes errors print their traceback before the one line."""
 
@@ -57,6 +59,10 @@ def _run(arguments: Sequence[str]) -> int:
 
     from gasp_core.cli.command_group import gasp
 
+    if wish := os.environ.get(COMPLETION_VARIABLE):
+        from click.shell_completion import shell_complete
+
+        return shell_complete(gasp, {}, "gasp", COMPLETION_VARIABLE, wish)
     try:
         # Not click's own main: it ends the process on a broken pipe and forgets what an interrupt had to say.
         with gasp.make_context("gasp", list(arguments) or ["--help"]) as context:

@@ -210,7 +210,9 @@ def print_outcome(recording: Recording) -> None:
         # On a terminal the run itself has said so, above its progress bar.
         for note in recording.notes:
             click.echo(note)
-    reason = f" ({recording.reason})" if recording.reason else ""
+    # The command that goes on with it is said below, as it can be pasted.
+    reason = recording.reason.partition(";")[0] if interrupted(recording) else recording.reason
+    reason = f" ({reason})" if reason else ""
     click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
 
 

@@ -115,3 +115,24 @@ def test_quiet_says_nothing_and_verbose_a_line_a_frame(gasp, workplace, refused)
     assert verbose.status == 0 and [line.split(":")[0] for line in told] == ["frame 1", "frame 2"]
     assert "0.04 s, " in told[0] and " substeps, the smallest of " in told[0]
     refused("run", "scene.toml", "--quiet", "--verbose", says=["contradict each other"])
+
+
+def test_a_frame_is_written_as_its_name_ends(gasp, workplace, refused):
+    assert gasp("run", "scene.toml").status == 0
+    for name in ("a.splat", "b.spz", "c.ply"):
+        assert gasp("export", "scene.gasp", "--frame", 1, "-o", name).out == f"{name}\n"
+        assert Path(name).stat().st_size > 0
+    said = ("export", "scene.gasp", "--frame", "1", "-o", "d.splat", "--format", "ply")
+    refused(*said, says=["d.splat does not end in .ply"])
+    refused("export", "scene.gasp", "--frame", "1", "-o", "d.obj", says=["d.obj", ".splat"])
+
+
+def test_a_shell_can_ask_how_a_command_goes_on(monkeypatch, capsys):
+    from gasp_core.cli.main import main
+
+    monkeypatch.setenv("_GASP_COMPLETE", "bash_source")
+    assert main([]) == 0 and "_GASP_COMPLETE=bash_complete" in capsys.readouterr().out
+    monkeypatch.setenv("_GASP_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", "gasp ma")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    assert main([]) == 0 and "materials" in capsys.readouterr().out
