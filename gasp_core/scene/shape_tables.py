@@ -55,7 +55,7 @@ def _shortened(text: str) -> str:
     return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."
 
 
-def read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
+def read_shape(table: Table, *also: str) -> Shape:
     """The shape a table describes.
 
     Parameters
@@ -64,8 +64,6 @@ def read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
         Its keys are those of the shape.
     also
         Keys that belong to somebody else.
-    plane_height
-        Whether a plane may be said by its height.
     """
     shape = table.choice("shape", {kind: kind for kind in _FORMULAS})
     if shape == "box":
@@ -74,10 +72,10 @@ def read_shape(table: Table, *also: str, plane_height: bool = False) -> Shape:
     if shape == "sphere":
         table.only("shape", "center", "radius", *also)
         return table.make(SphereShape, {"center": table.vector("center"), "radius": table.number("radius")})
-    if plane_height and table.has("height"):
+    if table.has("height"):
         table.only("shape", "height", *also)
         return table.make(HalfSpace, {"point": (0.0, 0.0, table.number("height")), "normal": (0.0, 0.0, 1.0)})
-    table.only("shape", "point", "normal", *(["height"] if plane_height else []), *also)
+    table.only("shape", "point", "normal", "height", *also)
     return table.make(HalfSpace, {"point": table.vector("point"), "normal": table.vector("normal")})
 
 
@@ -107,7 +105,7 @@ def _read_file_shape(table: Table, kind: type[FileShape], folder: Path | None) -
 def read_collider(table: Table, folder: Path | None) -> Collider:
     """A table of `[[collider]]`; paths of files start at the folder, see `path_of`."""
     kind = table.choice("shape", {**dict.fromkeys(_FORMULAS), **_FILE_SHAPES})
-    shape = _read_file_shape(table, kind, folder) if kind else read_shape(table, *_CONTACT, plane_height=True)
+    shape = _read_file_shape(table, kind, folder) if kind else read_shape(table, *_CONTACT)
     return table.make(
         Collider,
         {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.floaters import floating
-from gasp_core.scene.objects import UpAxis
+from gasp_core.scene.objects import UP_AXES, UpAxis
 from gasp_core.scene.placement import robust_box, upright
 
 __all__ = ["guess_up", "support_shares"]
@@ -18,8 +18,8 @@ Array = NDArray[Any]
 
 _USUAL: UpAxis = "-y"
 """As 3DGS writes files."""
-_OTHERS: tuple[UpAxis, ...] = ("+y", "+z", "-z")
-"""What others do; nobody has x up."""
+_ALL: tuple[UpAxis, ...] = ("-y", "+y", "+z", "-z")
+"""What anybody does; nobody has x up."""
 _FOOT = 0.04
 """Of the height, that stands on the ground."""
 _WIDE = 0.35
@@ -30,32 +30,43 @@ _SEEN = 0.1
 """Opacity from which on a Gaussian counts."""
 
 
-def guess_up(gaussians: Gaussians) -> tuple[UpAxis, bool]:
+def guess_up(gaussians: Gaussians, said: UpAxis | None = None) -> tuple[UpAxis, bool]:
     """The axis of a splat that probably points up: things stand on their widest end.
 
     Parameters
     ----------
     gaussians
-        In the file's own frame.
+        In the file's own frame; or, where `said` is given, as that axis has put them, +z up.
+    said
+        The axis that was taken to be up.
 
     Returns
     -------
     axis, sure
-        "-y", as 3DGS writes files, unless another end is wide and twice as wide; and whether the end is wide at all.
+        The usual one, `said` or else "-y" as 3DGS writes files, unless another end is wide and twice as wide; and
+        whether the end is wide at all.
     """
-    shares = support_shares(gaussians)
-    best = max(_OTHERS, key=lambda axis: shares[axis])
-    if shares[best] >= _WIDE and shares[best] > _WIDER * shares[_USUAL]:
+    usual: UpAxis = said or _USUAL
+    turn = np.eye(3) if said is None else upright(said)
+    shares = support_shares(gaussians, turn)
+    others: list[UpAxis] = [axis for axis in _ALL if axis != usual]
+    best = max(others, key=lambda axis: shares[axis])
+    if shares[best] >= _WIDE and shares[best] > _WIDER * shares[usual]:
         return best, True
-    return _USUAL, shares[_USUAL] >= _WIDE
+    return usual, shares[usual] >= _WIDE
 
 
-def support_shares(gaussians: Gaussians) -> dict[UpAxis, float]:
-    """Of each axis that might be up, how much of the outline seen along it what is lowest then covers, 0..1."""
+def support_shares(gaussians: Gaussians, turn: Array | None = None) -> dict[UpAxis, float]:
+    """Of each axis that might be up, how much of the outline seen along it what is lowest then covers, 0..1.
+
+    `turn`: what has turned the file's axes to those of the Gaussians, (3, 3); None: nothing has.
+    """
     means = gaussians.means.astype(np.float64)
     means = means[np.isfinite(means).all(axis=1) & (gaussians.opacities >= _SEEN)]
     means = means[~floating(means)]
-    return {axis: _support(means @ upright(axis).T) if len(means) else 0.0 for axis in (_USUAL, *_OTHERS)}
+    if turn is not None:
+        means = means @ turn
+    return {axis: _support(means @ upright(axis).T) if len(means) else 0.0 for axis in UP_AXES}
 
 
 def _support(points: Array) -> float:

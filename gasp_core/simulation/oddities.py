@@ -9,22 +9,31 @@ import numpy as np
 from gasp_core.contract import (
     Collider,
     Drive,
+    Elastic,
     EngineDescriptor,
     ForceField,
+    NeoHookean,
     PointProblem,
     Side,
     SignedDistanceField,
 )
+from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.scene.objects import laws_of
+from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject
+from gasp_core.scene.standing import guess_up
 
 __all__ = ["oddities", "own_contact"]
 
 _LIGHTEST, _HEAVIEST = 5.0, 25_000.0
 """[kg/m^3]: of the lightest foam, and beyond osmium."""
-_SMALLEST, _LARGEST = 1e-3, 100.0
-"""[m]: of what one captures."""
+_SMALLEST, _LARGEST = 1e-3, 20.0
+"""[m]: of what one captures and lets fall."""
+_SOFTEST = 1.0
+"""Density times gravity times size over Young's modulus, from which on nothing keeps its shape under its own weight."""
+_LEANING = 0.5
+"""Cosine of the angle between gravity and down below which it is no tilt any more."""
 
 
 def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[str]:
@@ -38,8 +47,13 @@ def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[st
         What an engine is given.
     """
     problem = assembly.problem
+    gravity = np.asarray(problem.gravity, dtype=np.float64)
+    strength = float(np.linalg.norm(gravity))
+    if strength > 0 and -gravity[2] < _LEANING * strength:
+        aside = "up" if gravity[2] > _LEANING * strength else "sideways"
+        yield f"gravity = [{', '.join(f'{part:g}' for part in gravity)}] pulls {aside}: in a scene down is -z"
     for placed in objects:
-        yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed))
+        yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed, strength))
     for name, collider in zip(assembly.colliders, problem.colliders):
         yield from _of_collider(name, collider, assembly.spacing)
     for name, drive in zip(assembly.drive_names, problem.drives):
@@ -70,7 +84,7 @@ def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]
             )
 
 
-def _of_object(placed: PlacedObject) -> Iterator[str]:
+def _of_object(placed: PlacedObject, gravity: float) -> Iterator[str]:
     if placed.item.static and placed.item.collider is None:
         yield "is drawn only, nothing collides with it (collider = true: everything that moves does)"
     means = placed.gaussians.means[~placed.floating]
@@ -83,6 +97,27 @@ def _of_object(placed: PlacedObject) -> Iterator[str]:
         said = placed.item.height is not None or placed.item.metres_per_unit is not None
         advice = "lengths are in metres" if said else "say its height; a unit of the file is a metre otherwise"
         yield f"it is {size:.3g} m long: {advice}"
+    for law in dict.fromkeys(laws_of(placed.item)):
+        if isinstance(law, (Elastic, NeoHookean)) and law.density * gravity * size > _SOFTEST * law.youngs_modulus:
+            yield (
+                f"with youngs_modulus = {law.youngs_modulus:g} it sinks into a heap under its own weight: it is in Pa,"
+                " rubber has 2e6; gasp materials lists more"
+            )
+    yield from _of_its_stand(placed)
+
+
+def _of_its_stand(placed: PlacedObject) -> Iterator[str]:
+    """A sentence where what is turned as its file says stands on a narrow end of it, and another one is wide."""
+    item = placed.item
+    if item.rotation is not None or item.motion is not None or isinstance(item.splat, Gaussians):
+        return
+    said = up_axis(item)
+    found, sure = guess_up(placed.gaussians, said)
+    if sure and found != said:
+        yield (
+            f'up = "{said}" stands it on a narrow end: its widest would be down with up = "{found}"'
+            " (gasp render FILE --up shows it)"
+        )
 
 
 def _densities(placed: PlacedObject) -> Iterator[float]:
