@@ -56,7 +56,7 @@ test: $(STAMP)
 else
 .PHONY: test
 test: check ## Everything that has to be true, in under 15 minutes on two cores; ROOM=reduction: one room in 20 s
-	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
+	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadgroup
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 endif
 
@@ -101,7 +101,7 @@ test-minimum: $(STAMP) ## The quick tests with the lowest version of everything 
 	@$(PYTHON) -m venv --clear $(MINIMUM)
 	@$(BIN)/uv pip install --quiet --python $(MINIMUM) -r build/minimum.txt
 	@$(BIN)/uv pip install --quiet --python $(MINIMUM) --no-deps --no-build-isolation $(addprefix -e ./,$(OWN))
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not thorough" -n 2 --dist loadfile
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not thorough" -n 2 --dist loadgroup
 
 .PHONY: test-environments
 test-environments: $(STAMP) ## Build the environments of Genesis and Blender (5 GB), and test both engines in them

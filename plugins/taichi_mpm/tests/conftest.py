@@ -1,4 +1,8 @@
-"""Taichi keeps what it compiled on disk from run to run."""
+"""Taichi keeps what it compiled on disk from run to run.
+
+These tests compile every material in both precisions, and most of their time would be spent on improving what runs for
+a second. The suite judges what users get.
+"""
 
 import numpy as np
 import pytest
@@ -8,6 +12,8 @@ from gasp_taichi_mpm.engine import TaichiMpm
 pytest.register_assert_rewrite("gasp_mpm_host.testing")
 
 from gasp_mpm_host.testing import Kit  # noqa: E402 - its assertions are to say what they found
+
+runtime.optimised = False
 
 
 @pytest.fixture(scope="session")
