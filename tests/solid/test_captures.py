@@ -26,7 +26,14 @@ def capture(data):
     return read
 
 
-@pytest.mark.parametrize("name", BODIES)
+# The largest take minutes.
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in ("skull.sog", "statue-st-peter.sog") else name
+        for name in BODIES
+    ],
+)
 def test_the_volume_does_not_depend_on_the_cells(name, capture):
     gaussians = capture(name)
     cells = [32, 48, 64, 96]
@@ -36,7 +43,7 @@ def test_the_volume_does_not_depend_on_the_cells(name, capture):
 
 
 @pytest.mark.parametrize("name", ["plant.splat", "guitar.compressed.ply"])
-@pytest.mark.parametrize(("coarse", "fine"), [(32, 64), (48, 96)])
+@pytest.mark.parametrize(("coarse", "fine"), [(32, 64), pytest.param(48, 96, marks=pytest.mark.slow)])
 def test_what_is_stated_holds_what_thin_bodies_change_by(name, coarse, fine, capture):
     gaussians = capture(name)
     one, other = (solid_of(gaussians, SolidOptions(cells=count)) for count in (coarse, fine))
