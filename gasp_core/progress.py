@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-__all__ = ["Progress", "Shown", "counting", "progress_for"]
+__all__ = ["Progress", "Shown", "counting", "duration", "progress_for"]
 
 Shown = bool | Literal["log"] | None
 """Whether there is a bar on stderr; None: where that is a terminal; "log": there, and elsewhere a line now and then."""
@@ -99,7 +99,7 @@ class _Bar(_Watched):
     def columns(self) -> dict[str, Any]:
         """What the bar shows now."""
         substep = f"substep {self.substep:.2e} s" if 0 < self.substep < math.inf else ""
-        left = f"left {_clock(self.left)}" if self.left == self.left else ""
+        left = f"left {duration(self.left)}" if self.left == self.left else ""
         return {"completed": self.done, "phase": self.phase, "left": left, "substep": substep}
 
 
@@ -126,10 +126,10 @@ class _Lines(_Watched):
 
     def line(self) -> str:
         """How far it is."""
-        so_far = f"{_clock(time.monotonic() - self._start)} so far"
+        so_far = f"{duration(time.monotonic() - self._start)} so far"
         if self.phase != "frame":
             return f"{self.phase}: {so_far}"
-        left = f", about {_clock(self.left)} left" if self.left == self.left else ""
+        left = f", about {duration(self.left)} left" if self.left == self.left else ""
         return f"frame {self.done:.1f} of {self.frames}: {so_far}{left}"
 
 
@@ -173,12 +173,12 @@ def progress_for(shown: Shown, frames: int) -> Generator[Progress]:
         yield run
 
 
-def _clock(seconds: float) -> str:
-    """A time as people say it."""
+def duration(seconds: float) -> str:
+    """A time as people say it, to two digits."""
     if seconds < 99.5:
-        return f"{seconds:.0f} s"
+        return f"{max(seconds, 0.1):.2g} s"
     minutes = seconds / 60
-    return f"{minutes:.1f} min" if minutes < 99.5 else f"{minutes / 60:.1f} h"
+    return f"{minutes:.2g} min" if minutes < 99.5 else f"{minutes / 60:.2g} h"
 
 
 @contextmanager

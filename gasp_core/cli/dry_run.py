@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.settings import Settings
+from gasp_core.progress import duration
 
 if TYPE_CHECKING:
     from gasp_core.scene.model import Scene
@@ -67,10 +68,10 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
         "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us",
         "memory": f"{found.memory / 1e6:,.0f} MB",
         "disk": f"{found.disk / 1e6:,.3g} MB",
-        "time": f"{_duration(found.seconds)}: {_duration(found.start_seconds)} to begin,"
-        f" {_duration(found.engine_seconds)} of substeps, {_duration(found.frame_seconds)} for {found.frames:,}"
+        "time": f"{duration(found.seconds)}: {duration(found.start_seconds)} to begin,"
+        f" {duration(found.engine_seconds)} of substeps, {duration(found.frame_seconds)} for {found.frames:,}"
         f" frames{film}",
-        "": f"between {_duration(found.seconds / EITHER_WAY)} and {_duration(found.seconds * EITHER_WAY)} probably"
+        "": f"between {duration(found.seconds / EITHER_WAY)} and {duration(found.seconds * EITHER_WAY)} probably"
         f"{beyond}",
     }
     width = max(map(len, rows)) + 2
@@ -81,10 +82,3 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
 def _rounded(count: int) -> str:
     """To two digits: more nobody knows."""
     return f"{int(float(f'{count:.1e}')):,}"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 99.5:
-        return f"{max(seconds, 0.1):.2g} s"
-    minutes = seconds / 60
-    return f"{minutes:.2g} min" if minutes < 99.5 else f"{minutes / 60:.2g} h"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.io.format_errors import shown
 
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
@@ -22,6 +21,7 @@ __all__ = ["new", "scene_text"]
 _AXES = ("-y", "+y", "+z", "-z", "+x", "-x")
 _HEIGHT = 0.4
 _MATERIAL = "soft rubber"
+_LONGEST_NAME = 100
 _DROP = 0.5
 """Of its height, from which it falls."""
 
@@ -58,9 +58,12 @@ def new(
     SPLAT is looked at: which end is up, what floats around it. Its height and material no file knows: they are asked
     for, or guessed and said to be guesses. The scene file has a comment for every line.
     """
+    import numpy as np
+
     from gasp_core.errors import SceneError
     from gasp_core.io.atomic import replacing
     from gasp_core.io.detect import read
+    from gasp_core.scene.floaters import floating
     from gasp_core.scene.loading import read_scene
     from gasp_core.scene.presets import find_preset
     from gasp_core.scene.standing import guess_up
@@ -70,7 +73,8 @@ def new(
         raise SceneError(f"{path}: is there already: --overwrite replaces it, or name another with -o")
     gaussians, _ = read(splat)
     asked = not yes and sys.stdin.isatty() and sys.stderr.isatty()
-    guessed_up, sure = guess_up(gaussians)
+    seen = gaussians.select(np.isfinite(gaussians.means).all(axis=1))
+    guessed_up, sure = guess_up(seen.select(~floating(seen.means)))
     axis = up or guessed_up
     if asked and up is None:
         axis = click.prompt("Which axis of the file points up?", default=guessed_up, type=click.Choice(_AXES), err=True)
@@ -106,9 +110,9 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     up, sure
         The file's axis that is up, and whether there is anything to say so.
     """
+    from gasp_core.scene.writing import path_from, toml_text
+
     tall = _HEIGHT if height is None else height
-    named = Path(os.path.relpath(splat.absolute(), scene.absolute().parent))
-    shown = str(named) if ".." not in named.parts else str(splat.absolute())
     stem, quoted = _stem(splat), shlex.quote(str(scene))
     preview, filming = f"gasp run {quoted} --preview", f"gasp run {quoted} --render {shlex.quote(f'{scene.stem}.mp4')}"
     broad = max(len(preview), len(filming))
@@ -116,8 +120,8 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     guess = "a guess: no file knows; say it" if height is None else "from its lowest Gaussian to its highest"
     made = "a guess; gasp materials lists what there is" if material is None else "gasp materials says its numbers"
     rows = {
-        "name": (json.dumps(_plain(stem), ensure_ascii=False), ""),
-        "splat": (json.dumps(shown, ensure_ascii=False), ""),
+        "name": (toml_text(shown(stem)[:_LONGEST_NAME]), ""),
+        "splat": (toml_text(path_from(splat, scene.parent)), ""),
         "up": (f'"{up}"', f"the file's axis that points up: {upright}"),
         "height": (f"{tall:g}", f"metres; {guess}"),
         "position": (f"[0, 0, {_DROP * tall:g}]", "metres: the middle of its foot, and how high its lowest point is"),
@@ -129,7 +133,7 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     lines = [f"{key} = {value}".ljust(wide if comment else 0) + (f"  # {comment}" if comment else "")
              for key, (value, comment) in rows.items()]  # fmt: skip
     return f"""\
-# {_plain(splat.name)} falls on a floor. Lengths are in metres, +z is up; docs/scene.md has every key.
+# {shown(splat.name)} falls on a floor. Lengths are in metres, +z is up; docs/scene.md has every key.
 #   {preview:{broad}}    a first look
 #   {filming:{broad}}    all of it
 
@@ -161,12 +165,6 @@ def _stem(splat: Path) -> str:
     """Of plant.compressed.ply, plant."""
     name = splat.resolve().name
     return name.split(".")[0] or name
-
-
-def _plain(text: str) -> str:
-    """A name as a scene takes it: printable, of no great length."""
-    kept = "".join(letter if letter.isprintable() else "_" for letter in text)[:100]
-    return kept or "object"
 
 
 def _noted(gaussians: Gaussians, splat: Path) -> list[str]:

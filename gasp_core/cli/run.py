@@ -210,9 +210,7 @@ def print_outcome(recording: Recording) -> None:
         # On a terminal the run itself has said so, above its progress bar.
         for note in recording.notes:
             click.echo(note)
-    # The command that goes on with it is said below, as it can be pasted.
-    reason = recording.reason.partition(";")[0] if interrupted(recording) else recording.reason
-    reason = f" ({reason})" if reason else ""
+    reason = f" ({recording.reason})" if recording.reason else ""
     click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
 
 
@@ -254,11 +252,15 @@ def resumable(folder: Path, command: Sequence[str]) -> Generator[None]:
 def _told(folder: Path, recorded: Callable[[int], None] | None) -> Callable[[int], None]:
     """Also a line on stderr of every frame that there was a step to."""
 
+    opened: list[Recording] = []
+
     def tell(frame: int) -> None:
         from gasp_core.recording import Recording
 
+        if not opened:
+            opened.append(Recording.open(folder))
         if frame > 0:
-            step = Recording.open(folder).diagnostics(frame)
+            step = opened[0].diagnostics(frame)
             told = f"frame {frame}: {step['time']:.4g} s, {step['substeps']} substeps"
             told += f", the smallest of {step['smallest_substep']:.3g} s"
             energy = step.get("kinetic_energy")

@@ -61,18 +61,18 @@ def well_framed(cameras: Sequence[Camera], motion: Motion, subject: Subject, ren
         As in `fitted`.
     """
     standing = all(camera is cameras[0] for camera in cameras)
-    frames = extreme_frames(cameras[0], motion) if standing else [int(frame) for frame in np.unique(motion.frames)]
+    frames = extreme_frames(cameras[0], motion) if standing else list(motion.clouds())
     whole = _joined([seen_from(cameras[frame], outline(subject(frame)), renderer) for frame in frames])
     return whole is not None and whole.well
 
 
 def extreme_frames(camera: Camera, motion: Motion) -> list[int]:
     """Frames of a motion in which it comes farthest to one side of a camera's picture, or is largest."""
-    frames = np.unique(motion.frames)
-    extents = np.array([_extent(camera.project(motion.points[motion.frames == frame])[0]) for frame in frames])
-    size = (extents[:, 2:] - extents[:, :2]).max(axis=1)
-    chosen = {*extents[:, :2].argmin(axis=0), *extents[:, 2:].argmax(axis=0), size.argmax()}
-    return sorted(int(frames[k]) for k in chosen)
+    clouds = motion.clouds()
+    places = [camera.project(cloud)[0] for cloud in clouds.values()]
+    lower, upper = (np.array([extreme(own, axis=0) for own in places]) for extreme in (np.min, np.max))
+    chosen = {*lower.argmin(axis=0), *upper.argmax(axis=0), (upper - lower).max(axis=1).argmax()}
+    return sorted(list(clouds)[k] for k in chosen)
 
 
 def moving_cameras(
@@ -108,28 +108,23 @@ def moving_cameras(
     """
     towards = [direction(around, above) for around in arounds]
     aims = _aims(motion, numbers, smoothed)
-    known = np.unique(motion.frames)
-    nearest = known[np.abs(known[None, :] - np.asarray(numbers)[:, None]).argmin(axis=1)]
-    clouds = {int(frame): motion.points[motion.frames == frame] for frame in known}
+    clouds = motion.clouds()
+    nearest = [min(clouds, key=lambda frame: abs(frame - number)) for number in numbers]
     needed = np.array(
-        [
-            distance_for(clouds[int(frame)], aim, toward, width, height)
-            for frame, aim, toward in zip(nearest, aims, towards)
-        ]
+        [distance_for(clouds[frame], aim, toward, width, height) for frame, aim, toward in zip(nearest, aims, towards)]
     )
     distance = max(float(needed.max()), 0.1 * motion.reach)
     hardest = np.argsort(-needed, kind="stable")[:_HARDEST]
     shown = [outline(subject(numbers[k])) for k in hardest]
     for _ in range(_ROUNDS):
-        nearest, whole = 0.0, None
-        for k, splats in zip(hardest, shown):
-            sight = seen_from(orbiting(aims[k], towards[k], distance, width, height), splats, renderer)
-            if sight.extent is not None:
-                nearest = max(nearest, distance_for(sight.places, aims[k], towards[k], width, height))
-                whole = sight.extent if whole is None else whole.joined(sight.extent)
+        cameras = [orbiting(aims[k], towards[k], distance, width, height) for k in hardest]
+        sights = [seen_from(camera, splats, renderer) for camera, splats in zip(cameras, shown)]
+        whole = _joined(sights)
         if whole is None or whole.well:
             break
-        distance = nearest
+        distance = max(
+            distance_for(sight.places, aims[k], towards[k], width, height) for k, sight in zip(hardest, sights)
+        )
     return [orbiting(aim, toward, distance, width, height) for aim, toward in zip(aims, towards)]
 
 
@@ -143,11 +138,6 @@ def _joined(sights: Sequence[Sight]) -> Extent | None:
     return whole
 
 
-def _extent(places: Array) -> Array:
-    """Left, upper, right, lower (4,) of places (N, 2)."""
-    return np.concatenate([places.min(axis=0), places.max(axis=0)])
-
-
 def _aims(motion: Motion, numbers: Sequence[int], smoothed: float | None) -> Array:
     """What each picture looks at, (pictures, 3)."""
     if smoothed is None:
@@ -155,11 +145,10 @@ def _aims(motion: Motion, numbers: Sequence[int], smoothed: float | None) -> Arr
     # Slow to import.
     from scipy.ndimage import gaussian_filter1d
 
-    known = np.unique(motion.frames)
-    clouds = [motion.points[motion.frames == frame] for frame in known]
-    middles = np.array([(cloud.min(axis=0) + cloud.max(axis=0)) / 2 for cloud in clouds])
+    clouds = motion.clouds()
+    middles = np.array([(cloud.min(axis=0) + cloud.max(axis=0)) / 2 for cloud in clouds.values()])
     course = np.arange(min(numbers), max(numbers) + 1)
-    aims = np.stack([np.interp(course, known, column) for column in middles.T], axis=1)
+    aims = np.stack([np.interp(course, list(clouds), column) for column in middles.T], axis=1)
     # Gone on with at either end as it goes there, so that what flies evenly is followed evenly to the last.
     room = min(int(4 * smoothed) + 1, len(course) - 1)
     aims = np.pad(aims, ((room, room), (0, 0)), mode="reflect", reflect_type="odd") if room else aims

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Collider, Driven, Impulse, Pinned, Side
+from gasp_core.contract import Collider, Drive, Driven, Impulse, Side
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.scene.file_shapes import FileShape
@@ -110,8 +110,8 @@ def _flight(means: Array, item: SplatObject, scene: Scene, count: int) -> Array:
     return np.stack([np.interp(frames, times, column) for column in np.array(course).T], axis=1)
 
 
-def _velocity_of(drive: object) -> Array:
-    return np.zeros(3) if not isinstance(drive, Driven) or isinstance(drive, Pinned) else np.asarray(drive.velocity)
+def _velocity_of(drive: Drive) -> Array:
+    return np.asarray(drive.velocity) if isinstance(drive, Driven) else np.zeros(3)
 
 
 def _met(points: Array, shift: Array, velocity: Array, wall: Collider, braked: float) -> tuple[Array, Array]:

@@ -68,8 +68,11 @@ class Motion:
     @property
     def size(self) -> float:
         """Largest diagonal [m] of the box of a single frame."""
-        clouds = [self.points[self.frames == frame] for frame in np.unique(self.frames)]
-        return max(float(np.linalg.norm(np.ptp(cloud, axis=0))) for cloud in clouds)
+        return max(float(np.linalg.norm(np.ptp(cloud, axis=0))) for cloud in self.clouds().values())
+
+    def clouds(self) -> dict[int, Array]:
+        """Points of each frame, by its number."""
+        return {int(frame): self.points[self.frames == frame] for frame in np.unique(self.frames)}
 
     def later(self, frames: int) -> Motion:
         """The same, in frames that have numbers higher by so much."""

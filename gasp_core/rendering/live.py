@@ -13,7 +13,7 @@ from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.fitting import well_framed
 from gasp_core.rendering.footage import Moving, RecordedFootage
 from gasp_core.rendering.forecast import Forecast
-from gasp_core.rendering.framing import motion_of
+from gasp_core.rendering.framing import Motion, motion_of
 from gasp_core.rendering.outputs import Output, open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
@@ -92,8 +92,8 @@ class LiveFilm:
         if self.problem:
             return
         try:
-            if self._next and not self._stopped() and not self._well_seen():
-                self._film_anew()
+            if self._next:
+                self._look_again()
             self._stack.close()
         except GaspError as fault:
             self.problem = str(fault)
@@ -128,7 +128,7 @@ class LiveFilm:
         if self._painter is None:
             footage = self._footage()
             forecast = Forecast(footage, self._scene, self._count)
-            self._set_up(footage, forecast, range(self._count))
+            self._set_up(footage, forecast, motion_of(forecast), self._count)
         assert self._painter is not None
         wanting = [output for output in self._outputs if output.wants(frame)]
         if wanting:
@@ -136,16 +136,15 @@ class LiveFilm:
             for output in wanting:
                 output.take(picture, self._scene.time_of(frame))
 
-    def _set_up(self, footage: RecordedFootage, moving: Moving, numbers: Sequence[int]) -> None:
+    def _set_up(self, footage: RecordedFootage, moving: Moving, motion: Motion, count: int) -> None:
         """Choose the cameras, for what moves as it did or is expected to."""
-        motion = motion_of(moving, numbers)
         width, height = self._size
         self.cameras = cameras_for(
             footage,
             None,
             motion=motion,
             subject=moving.subject,
-            numbers=numbers,
+            numbers=range(count),
             renderer=self._renderer,
             width=width,
             height=height,
@@ -153,28 +152,23 @@ class LiveFilm:
         background = parse_background("white")
         self._painter = FramePainter(footage, self._renderer, motion=motion, background=background)
 
-    def _stopped(self) -> bool:
-        """Whether the user ended it, and waits for the command to end too."""
-        return Recording.open(self._folder).reason.startswith("stopped by")
-
-    def _well_seen(self) -> bool:
-        """Whether nothing of the subject was outside of the pictures, and it was large in them."""
-        footage = self._footage()
-        if footage.camera is not None and not footage.camera.sees_all:
-            return True
-        motion = motion_of(footage, range(self._next))
-        return well_framed(self.cameras[: self._next], motion, footage.subject, self._renderer)
-
-    def _film_anew(self) -> None:
-        """Paint all there is once more, now that it is known where matter went."""
+    def _look_again(self) -> None:
+        """Paint all there is once more where the subject was not wholly in the pictures, or small in them."""
+        footage, count = self._footage(), self._next
+        stands = footage.camera is not None and not footage.camera.sees_all
+        # Who stopped the run waits for the command to end too.
+        if stands or footage.recording.reason.startswith("stopped by"):
+            return
+        motion = motion_of(footage, range(count))
+        if well_framed(self.cameras[:count], motion, footage.subject, self._renderer):
+            return
         self.anew = True
         self._take_back()
-        footage = self._footage()
-        self._outputs = self._opened(self._next)
-        self._set_up(footage, footage, range(self._next))
+        self._outputs = self._opened(count)
+        self._set_up(footage, footage, motion, count)
         self._begin()
-        with counting(self._progress, "filmed anew", self._next) as painted:
-            for frame in range(self._next):
+        with counting(self._progress, "filmed anew", count) as painted:
+            for frame in range(count):
                 self._paint(frame)
                 painted()
 

@@ -14,7 +14,7 @@ from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import draw_scenery
-from gasp_core.rendering.shadows import ShadowedScenery
+from gasp_core.rendering.shadows import Lamp, ShadowedScenery
 
 __all__ = ["FramePainter", "parse_background", "to_bytes"]
 
@@ -50,6 +50,7 @@ class FramePainter:
         self._background = background
         self._camera: Camera | None = None
         self._scenery: ShadowedScenery | None = None
+        self._lamp: Lamp | None = None
 
     def paint(self, frame: int, camera: Camera) -> Array:
         """A frame as bytes: (H, W, 3) uint8, (H, W, 4) with straight alpha where the background is transparent."""
@@ -73,7 +74,9 @@ class FramePainter:
         if self._scenery is None or camera is not self._camera or moves:
             motion = self._motion
             scenery = draw_scenery(colliders, camera, centre=motion.centre, reach=motion.reach, time=time)
-            self._scenery = ShadowedScenery.of(colliders, scenery, camera, motion, time)
+            if self._lamp is None or moves:
+                self._lamp = Lamp.of(colliders, motion, time)
+            self._scenery = ShadowedScenery.of(scenery, camera, self._lamp)
             self._camera = camera
         return self._scenery
 

@@ -17,7 +17,7 @@ from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import LIGHT, nearest_hits
 
-__all__ = ["ShadowedScenery"]
+__all__ = ["Lamp", "ShadowedScenery"]
 
 Array = NDArray[Any]
 
@@ -36,6 +36,29 @@ _OUTSIDE = -1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Lamp:
+    """What casts shadows: it is the same for all cameras.
+
+    Parameters
+    ----------
+    camera
+        That looks from the lamp.
+    lit : (h, w)
+        Depth at which its light meets the scenery: what is behind it casts no shadow.
+    """
+
+    camera: Camera
+    lit: Array
+
+    @classmethod
+    def of(cls, colliders: Sequence[Collider], motion: Motion, time: float = 0.0) -> Lamp:
+        """A lamp that sees all of a motion, among colliders at a time [s]."""
+        camera = _looking_down(motion)
+        lit = nearest_hits(colliders, camera.position, camera.rays(), time).depth
+        return cls(camera=camera, lit=lit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ShadowedScenery:
     """Scenery seen from one camera, and where each of its pixels is seen by the lamp.
 
@@ -44,53 +67,47 @@ class ShadowedScenery:
     scenery
         Without shadow.
     lamp
-        The camera that looks from the lamp.
-    lit : (h, w)
-        Depth at which the lamp's light meets the scenery: what is behind it casts no shadow.
+        That shines on it.
     places : (2, H, W) float32 [px]
         Down and across in the lamp's picture, from the middle of its first pixel; far outside where there is none.
     """
 
     scenery: Picture
-    lamp: Camera
-    lit: Array
+    lamp: Lamp
     places: Array
 
     @classmethod
-    def of(
-        cls, colliders: Sequence[Collider], scenery: Picture, camera: Camera, motion: Motion, time: float = 0.0
-    ) -> ShadowedScenery:
-        """From the scenery that a camera sees of colliders at a time [s]."""
-        lamp = _lamp(motion)
-        lit = nearest_hits(colliders, lamp.position, lamp.rays(), time).depth
+    def of(cls, scenery: Picture, camera: Camera, lamp: Lamp) -> ShadowedScenery:
+        """From the scenery that a camera sees."""
+        eye = lamp.camera
         places = np.empty((2, *scenery.depth.shape), np.float32)
         # From the camera's frame to the lamp's: turn @ depth (x / z, y / z, 1) + shift.
-        turn = lamp.rotation @ camera.rotation.T
-        shift = lamp.rotation @ camera.position + lamp.translation
+        turn = eye.rotation @ camera.rotation.T
+        shift = eye.rotation @ camera.position + eye.translation
         for rows in camera.bands():
             depth = scenery.depth[rows].astype(np.float64)
             depth[~np.isfinite(depth)] = 0.0
             x, y = camera.slopes(rows)
             across, down, ahead = (s + depth * (t[0] * x + (t[1] * y + t[2])) for t, s in zip(turn, shift))
             # The ground goes on behind the lamp, and at the horizon there is none.
-            met = (depth > 0) & (ahead > lamp.near)
+            met = (depth > 0) & (ahead > eye.near)
             ahead[~met] = 1.0
             # Pixel k's centre is at k + 1/2.
-            places[0, rows] = np.where(met, lamp.focal_y * down / ahead + lamp.center_y - 0.5, _OUTSIDE)
-            places[1, rows] = np.where(met, lamp.focal_x * across / ahead + lamp.center_x - 0.5, _OUTSIDE)
-        return cls(scenery=scenery, lamp=lamp, lit=lit, places=places)
+            places[0, rows] = np.where(met, eye.focal_y * down / ahead + eye.center_y - 0.5, _OUTSIDE)
+            places[1, rows] = np.where(met, eye.focal_x * across / ahead + eye.center_x - 0.5, _OUTSIDE)
+        return cls(scenery=scenery, lamp=lamp, places=places)
 
     def under(self, splats: RenderInput, renderer: SplatRenderer) -> Picture:
         """The scenery with the shadow of splats on it."""
         # Slow to import.
         from scipy.ndimage import gaussian_filter, map_coordinates
 
-        cast = gaussian_filter(renderer.render(splats, self.lamp, occluders=self.lit).alpha, _SOFTNESS)
+        cast = gaussian_filter(renderer.render(splats, self.lamp.camera, occluders=self.lamp.lit).alpha, _SOFTNESS)
         shade = map_coordinates(cast, self.places, order=1, mode="constant", cval=0.0, prefilter=False)
         return replace(self.scenery, colour=self.scenery.colour * (1 - np.float32(_DARKNESS) * shade)[:, :, None])
 
 
-def _lamp(motion: Motion) -> Camera:
+def _looking_down(motion: Motion) -> Camera:
     direction = LIGHT / np.linalg.norm(LIGHT)
     distance = _FAR * motion.reach
     side = min(round(_SIDE * max(motion.reach / max(motion.size, 1e-9 * motion.reach), 1.0)), _LARGEST_SIDE)

@@ -128,10 +128,11 @@ def seen_from(camera: Camera, splats: RenderInput, renderer: SplatRenderer) -> S
     across = (np.arange(width) + 0.5) / width * 2 * _WIDE - _WIDE
     down = (np.arange(height) + 0.5) / height * 2 * _WIDE - _WIDE
     inside = (across > extent.left) & (across < extent.right) & ((down > extent.upper) & (down < extent.lower))[:, None]
-    row, column = np.nonzero(inside & (picture.alpha >= _SEEN))
+    seen = inside & (picture.alpha >= _SEEN)
+    row, column = np.nonzero(seen)
     # Where a silhouette ends decides, and there the corners of its pixels do.
     row, column = (np.concatenate([index + k for k in shifts]) for index, shifts in ((row, _DOWN), (column, _ACROSS)))
-    depth = np.tile(picture.depth[inside & (picture.alpha >= _SEEN)].astype(np.float64), 4)
+    depth = np.tile(picture.depth[seen].astype(np.float64), 4)
     slopes = np.stack(
         [(column - width / 2) / wide.focal_x, (row - height / 2) / wide.focal_y, np.ones(len(row))], axis=1
     )

@@ -102,9 +102,7 @@ def read_scene(text: str, *, file: str, folder: Path | None, changes: Sequence[s
     changes
         As of `load_scene`.
     """
-    values = changed(_tables(text, file), changes)
-    _refuse_extremes(values, file)
-    return _read(migrated(Table(file, "", values), SCHEMA), folder)
+    return _read(migrated(Table(file, "", _tables(text, file, changes)), SCHEMA), folder)
 
 
 def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tuple[Scene, tuple[str, ...]]:
@@ -174,7 +172,7 @@ def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:
     return _read_motion(StoredTable(file, "", values, []), None)
 
 
-def _tables(text: str, file: str) -> dict[str, Any]:
+def _tables(text: str, file: str, changes: Sequence[str] = ()) -> dict[str, Any]:
     file = shown(file)
     if _ENDLESS_KEY.search(text):
         raise SceneError(f"{file}: has a key of more than 500 parts: write it in tables")
@@ -184,6 +182,7 @@ def _tables(text: str, file: str) -> dict[str, Any]:
         raise SceneError(f"{file}: is nested too deep") from None
     except ValueError as error:
         raise SceneError(f"{file}: is not valid TOML: {shown(error)[:200]}") from None
+    values = changed(values, changes)
     _refuse_extremes(values, file)
     return values
 

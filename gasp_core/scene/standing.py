@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.floaters import floating
-from gasp_core.scene.objects import UP_AXES, UpAxis
+from gasp_core.scene.objects import UpAxis
 from gasp_core.scene.placement import robust_box, upright
 
 __all__ = ["guess_up", "support_shares"]
@@ -36,7 +36,8 @@ def guess_up(gaussians: Gaussians, said: UpAxis | None = None) -> tuple[UpAxis, 
     Parameters
     ----------
     gaussians
-        In the file's own frame; or, where `said` is given, as that axis has put them, +z up.
+        Those that are finite and do not float, in the file's own frame; or, where `said` is given, as that axis has put
+        them, +z up.
     said
         The axis that was taken to be up.
 
@@ -47,26 +48,27 @@ def guess_up(gaussians: Gaussians, said: UpAxis | None = None) -> tuple[UpAxis, 
         whether the end is wide at all.
     """
     usual: UpAxis = said or _USUAL
-    turn = np.eye(3) if said is None else upright(said)
-    shares = support_shares(gaussians, turn)
     others: list[UpAxis] = [axis for axis in _ALL if axis != usual]
+    means = gaussians.means.astype(np.float64)
+    means = means[gaussians.opacities >= _SEEN]
+    shares = support_shares(means if said is None else means @ upright(said), [usual, *others])
     best = max(others, key=lambda axis: shares[axis])
     if shares[best] >= _WIDE and shares[best] > _WIDER * shares[usual]:
         return best, True
     return usual, shares[usual] >= _WIDE
 
 
-def support_shares(gaussians: Gaussians, turn: Array | None = None) -> dict[UpAxis, float]:
+def support_shares(means: Array, axes: Sequence[UpAxis]) -> dict[UpAxis, float]:
     """Of each axis that might be up, how much of the outline seen along it what is lowest then covers, 0..1.
 
-    `turn`: what has turned the file's axes to those of the Gaussians, (3, 3); None: nothing has.
+    Parameters
+    ----------
+    means : (N, 3)
+        Of Gaussians, in their file's own frame.
+    axes
+        That are looked at.
     """
-    means = gaussians.means.astype(np.float64)
-    means = means[np.isfinite(means).all(axis=1) & (gaussians.opacities >= _SEEN)]
-    means = means[~floating(means)]
-    if turn is not None:
-        means = means @ turn
-    return {axis: _support(means @ upright(axis).T) if len(means) else 0.0 for axis in UP_AXES}
+    return {axis: _support(means @ upright(axis).T) if len(means) else 0.0 for axis in axes}
 
 
 def _support(points: Array) -> float:

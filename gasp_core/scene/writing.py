@@ -22,7 +22,15 @@ from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA
 from gasp_core.scene.varying import VaryingMaterial
 
-__all__ = ["MEMORY", "gaussians_digest", "material_table", "motion_table", "scene_to_toml"]
+__all__ = [
+    "MEMORY",
+    "gaussians_digest",
+    "material_table",
+    "motion_table",
+    "path_from",
+    "scene_to_toml",
+    "toml_text",
+]
 
 MEMORY = "memory:"
 """Stands before the digest of Gaussians that came from no file."""
@@ -70,7 +78,7 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     if scene.camera is not None:
         values = _fields(scene.camera)
         if scene.camera.file is not None:
-            values["file"] = _path(scene.camera.file, beside)
+            values["file"] = path_from(scene.camera.file, beside)
         del values["path"]
         if scene.camera.path:
             values["path"] = [_fields(point) for point in scene.camera.path]
@@ -78,7 +86,8 @@ def scene_to_toml(scene: Scene, beside: Path | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _path(path: Path, beside: Path | None) -> str:
+def path_from(path: Path, beside: Path | None) -> str:
+    """A path as a scene file in a folder names it: from there where it lies below, else absolute."""
     if beside is not None:
         # As it is named, through whatever links; else by the folder that holds it, for a splat may be a link itself.
         for here, folder in (
@@ -95,7 +104,7 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
     if isinstance(item.splat, Gaussians):
         values["splat"] = MEMORY + gaussians_digest(item.splat)
     elif not str(item.splat).startswith(MEMORY):
-        values["splat"] = _path(item.splat, beside)
+        values["splat"] = path_from(item.splat, beside)
     if item.material is not None:
         values["material"] = material_table(item.material, beside)
     del values["parts"]
@@ -132,7 +141,7 @@ def _column(column: Column, beside: Path | None) -> str | dict[str, str]:
         return {"property": column.property}
     if isinstance(column, GivenColumn):
         return MEMORY + column_digest(column)
-    return str(column) if str(column).startswith(MEMORY) else _path(column, beside)
+    return str(column) if str(column).startswith(MEMORY) else path_from(column, beside)
 
 
 def motion_table(motion: Motion) -> dict[str, Any]:
@@ -144,7 +153,7 @@ def _collider(collider: Collider, beside: Path | None) -> dict[str, Any]:
     values = _fields(collider)
     shape: dict[str, Any] = values.pop("shape")
     if isinstance(collider.shape, FileShape):
-        shape[collider.shape.kind] = _path(collider.shape.file, beside)
+        shape[collider.shape.kind] = path_from(collider.shape.file, beside)
         del shape["file"]
     return {**shape, **values}
 
@@ -173,15 +182,15 @@ def _plain(value: Any) -> Any:
 
 
 def _entries(values: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_text(value)}" for key, value in values.items()]
+    return [f"{_key(key)} = {toml_text(value)}" for key, value in values.items()]
 
 
 def _key(key: str) -> str:
     bare = key.isascii() and key.replace("-", "_").replace("_", "a").isalnum()
-    return key if bare else _text(key)
+    return key if bare else toml_text(key)
 
 
-def _text(value: Any) -> str:
+def toml_text(value: Any) -> str:
     """A value as TOML; JSON's escapes are TOML's, but for DEL, which TOML wants escaped too."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -193,5 +202,5 @@ def _text(value: Any) -> str:
         entries = cast("Mapping[str, Any]", value)
         return "{ " + ", ".join(_entries(entries)) + " }" if entries else "{}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_text(entry) for entry in cast("list[Any]", value)) + "]"
+        return "[" + ", ".join(toml_text(entry) for entry in cast("list[Any]", value)) + "]"
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

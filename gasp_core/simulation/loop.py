@@ -123,10 +123,7 @@ class FrameLoop:
                 self._recorded(frame)
                 if interrupted.is_set() and frame + 1 < end:
                     self._keep(frame, session, always=True)
-                    return (
-                        f"stopped by Ctrl-C after frame {frame} of {scene.frame_count - 1};"
-                        " gasp run --resume goes on from there, with the same scene and settings"
-                    )
+                    return f"stopped by Ctrl-C after frame {frame} of {scene.frame_count - 1}"
                 self._keep(frame, session, always=frame + 1 == end)
         return ""
 

@@ -112,7 +112,7 @@ def _of_its_stand(placed: PlacedObject) -> Iterator[str]:
     if item.rotation is not None or item.motion is not None or isinstance(item.splat, Gaussians):
         return
     said = up_axis(item)
-    found, sure = guess_up(placed.gaussians, said)
+    found, sure = guess_up(placed.gaussians.select(~placed.floating), said)
     if sure and found != said:
         yield (
             f'up = "{said}" stands it on a narrow end: its widest would be down with up = "{found}"'

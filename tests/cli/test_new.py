@@ -1,10 +1,10 @@
 """A scene from the splat alone, keys set on the command line, and a first look."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_engines import needs_renderer
 
 from gasp_core import Recording, load_scene, write_splat
 from gasp_core.scene.standing import guess_up
@@ -90,7 +90,7 @@ def test_keys_are_set_on_the_command_line_and_said_again_by_the_hint(gasp, workp
     assert Settings(changes=("a.b=1", "c.d=2")).words() == ["--set", "a.b=1", "--set", "c.d=2"]
 
 
-@pytest.mark.skipif(importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here")
+@needs_renderer
 def test_a_first_look_is_coarse_short_and_made_anew(gasp, workplace):
     changes = ("--set", "scene.duration=5", "--set", "scene.frame_rate=50", "--set", "accuracy.resolution=40")
     for _ in range(2):

@@ -1,6 +1,5 @@
 """Films through the command line: `gasp render` and `gasp run --render`, with the renderer that is installed."""
 
-import importlib.util
 import itertools
 import os
 import signal
@@ -11,15 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_engines import needs_renderer
 from PIL import Image
 
 from gasp_core import Recording
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
-
-needs_renderer = pytest.mark.skipif(
-    importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here: pip install -e plugins/renderer"
-)
 
 
 @pytest.fixture

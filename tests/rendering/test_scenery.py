@@ -12,7 +12,7 @@ from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import Picture
 from gasp_core.rendering.framing import Motion
 from gasp_core.rendering.scenery import LIGHT, draw_scenery, nearest_hits
-from gasp_core.rendering.shadows import ShadowedScenery
+from gasp_core.rendering.shadows import Lamp, ShadowedScenery
 
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
 BALL = Collider(shape=SphereShape(center=(0, 0, 1), radius=0.5))
@@ -139,7 +139,7 @@ def test_a_shadow_falls_where_the_lamp_says():
     eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
     motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]), frames=np.zeros(2, dtype=int))
     scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
-    shadowed = ShadowedScenery.of([FLOOR], scenery, eye, motion)
+    shadowed = ShadowedScenery.of(scenery, eye, Lamp.of([FLOOR], motion))
     mean = np.array([[0.1, -0.2, 1.0]])
     splats = RenderInput(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
     dark = 1 - shadowed.under(splats, Disc()).colour[:, :, 0] / scenery.colour[:, :, 0]
@@ -159,7 +159,7 @@ def test_what_is_buried_casts_no_shadow_and_what_is_at_the_edge_of_the_motion_ca
     eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
     motion = Motion(points=np.array([[-1.0, -1, -1], [1, 1, 1]]), frames=np.zeros(2, dtype=int))
     scenery = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach)
-    shadowed = ShadowedScenery.of([FLOOR], scenery, eye, motion)
+    shadowed = ShadowedScenery.of(scenery, eye, Lamp.of([FLOOR], motion))
 
     class Seen(Disc):
         def render(self, splats, camera, *, occluders=None):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from gasp_core import Gaussians, read_splat
+from gasp_core.scene.floaters import floating
+from gasp_core.scene.objects import UP_AXES
 from gasp_core.scene.placement import upright
 from gasp_core.scene.standing import guess_up, support_shares
 from gasp_core.toy import make_toy
@@ -24,7 +26,8 @@ CAPTURES = {
 
 @pytest.mark.parametrize("name", CAPTURES)
 def test_captures_stand_upright(data, name):
-    axis, _ = guess_up(read_splat(data / name))
+    gaussians = read_splat(data / name)
+    axis, _ = guess_up(gaussians.select(~floating(gaussians.means)))
     assert axis == CAPTURES[name]
 
 
@@ -46,7 +49,7 @@ def cone(axis):
 @pytest.mark.parametrize("axis", ["-y", "+y", "+z", "-z"])
 def test_a_cone_stands_on_its_base(axis):
     assert guess_up(cone(axis)) == (axis, True)
-    shares = support_shares(cone(axis))
+    shares = support_shares(cone(axis).means, UP_AXES)
     assert shares[axis] > 0.9 and max(share for other, share in shares.items() if other != axis) < 0.5
 
 
@@ -57,10 +60,7 @@ def test_what_stands_on_nothing_is_taken_to_be_as_files_are():
     assert guess_up(ball) == ("-y", False)
 
 
-def test_few_and_odd_gaussians_are_no_error():
+def test_few_and_faint_gaussians_are_no_error():
     toy = make_toy(64)
     for few in (toy.select(np.arange(0)), toy.select(np.arange(2)), toy.with_(opacities=np.zeros(64))):
         assert guess_up(few) == ("-y", False)
-    means = toy.means.copy()
-    means[3] = np.nan
-    assert guess_up(toy.with_(means=means))[0] in ("-y", "+z")

@@ -28,7 +28,7 @@ def clock(monkeypatch):
 
 def test_the_time_left_is_known_from_the_first_substeps_on(clock):
     run = progress._Lines(21)
-    assert run.line() == "preparing: 0 s so far"
+    assert run.line() == "preparing: 0.1 s so far"
     clock.now += 12
     run.enter("starting warp-mpm")
     assert run.line() == "starting warp-mpm: 12 s so far"
