@@ -1,5 +1,6 @@
 import dataclasses
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,8 @@ ODD = "toy <script>document.title = 'broken'</script> & $x_1$"
 SIZE = (96, 72)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def installed():
+@contextmanager
+def _installed():
     """The engines of the tests, found by the processes that are started here too."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("frail", "ballistic"):
@@ -24,6 +25,13 @@ def installed():
     discover.cache_clear()
     for name in [name for name in sys.modules if name.startswith("fake_")]:
         del sys.modules[name]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed():
+    """Not for longer than these tests: others of the same process ask what is installed."""
+    with _installed():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -55,4 +63,5 @@ def whole(scene_of, tmp_path_factory):
     """A comparison of two engines that fall, and of one that is not ready."""
     scene = dataclasses.replace(scene_of(), duration=0.8)
     folder = tmp_path_factory.mktemp("whole") / "scene.compare"
-    return gasp.compare(scene, ["ballistic", "frail", "away"], folder, name="<script>alert(1)</script>", size=SIZE)
+    with _installed():
+        return gasp.compare(scene, ["ballistic", "frail", "away"], folder, name="<script>alert(1)</script>", size=SIZE)
