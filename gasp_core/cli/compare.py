@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.settings import Settings, settings_options
@@ -56,7 +57,7 @@ Open comparison.html in a browser: tables, films side by side, plots.
 @click.option("--size", type=Size(), default="480x360", show_default=True, help="Of a film, in pixels.")
 @most_memory_option
 @trust_code_option
-@click.option("--overwrite", is_flag=True, help="Replace a comparison that is there already.")
+@overwrite_option("a comparison")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and no progress.")
 def compare(
     scene: Path,

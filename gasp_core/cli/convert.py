@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.errors import SplatFormatError
 
 __all__ = ["convert"]
@@ -21,17 +22,19 @@ Examples:
 )
 @click.argument("source", metavar="IN", type=click.Path(path_type=Path))
 @click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@overwrite_option("a file")
 @most_memory_option
-def convert(source: Path, target: Path) -> None:
+def convert(source: Path, target: Path, overwrite: bool) -> None:
     """Turn a splat file into another format, which the suffix of OUT chooses: .ply, .splat or .spz.
 
-    An existing OUT is replaced, once the new one is whole. What a format cannot hold is said.
+    What a format cannot hold is said.
     """
     from gasp_core.io import read_splat, write_splat
     from gasp_core.io.convert import losses
 
     if source.exists() and target.exists() and source.samefile(target):
         raise SplatFormatError(f"{target}: is the input itself: give the output another name")
+    keep_what_is_there([target], overwrite, "OUT")
     gaussians = read_splat(source)
     write_splat(target, gaussians)
     click.echo(f"{target}: {len(gaussians):,} Gaussians")

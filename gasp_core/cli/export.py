@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ Examples:
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
 @most_memory_option
+@overwrite_option("files")
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
     "--out",
@@ -45,7 +48,7 @@ Examples:
     type=click.Path(path_type=Path),
     help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
 )
-def export(run: Path, suffix: str | None, frame: int | None, every: bool, out: Path | None) -> None:
+def export(run: Path, suffix: str | None, frame: int | None, every: bool, overwrite: bool, out: Path | None) -> None:
     """Write the frames of a run as splat files.
 
     RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has. Frames that are damaged
@@ -66,17 +69,23 @@ def export(run: Path, suffix: str | None, frame: int | None, every: bool, out: P
         path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix or 'ply']}")
         if suffix is not None and path.suffix.lower() != SUFFIXES[suffix]:
             raise click.UsageError(f"--out {path} does not end in {SUFFIXES[suffix]}, as --format {suffix} wants it")
+        keep_what_is_there([path], overwrite)
         from gasp_core.io import write_splat
 
         write_splat(path, recording.gaussians(frame))
         click.echo(path)
     else:
         folder = out if out is not None else Path(f"{stem}_frames")
+        earlier = frames_in(folder, stem=stem, suffix=SUFFIXES[suffix or "ply"])
+        keep_what_is_there(earlier, overwrite)
         lost = set(recording.lost)
         frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
         paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"])
         if lost:
             damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
+        for path in set(earlier) - set(paths):
+            # Of a longer run: it would be taken for the end of this one.
+            path.unlink()
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
         leave_out(damaged)
 
@@ -131,6 +140,12 @@ def export_frames(
                 folder.rmdir()
         raise
     return paths, damaged
+
+
+def frames_in(folder: Path, *, stem: str, suffix: str) -> list[Path]:
+    """What `export_frames` has written into a folder under these names."""
+    name = re.compile(rf"{re.escape(stem)}_[0-9]{{4,}}{re.escape(suffix)}")
+    return [path for path in sorted(folder.glob("*")) if name.fullmatch(path.name)]
 
 
 def leave_out(damaged: Sequence[str]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json
 
 if TYPE_CHECKING:
@@ -39,8 +40,11 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
 @click.option("--slices", type=click.Path(path_type=Path), help="Where to. [default: NAME.solid.png]")
 @click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")
 @click.option("--up", type=click.Choice(_AXES), default="-y", show_default=True, help="The file's axis that is up.")
+@overwrite_option("a picture of slices")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, up: Any, as_json: bool) -> None:
+def inspect(
+    file: Path, solid: bool, slices: Path | None, height: float | None, up: Any, overwrite: bool, as_json: bool
+) -> None:
     """Describe a splat file and say what is odd about it.
 
     Prints the number of Gaussians, the degree of the spherical harmonics, the extents, percentiles of scale, opacity
@@ -52,12 +56,16 @@ def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, 
     from gasp_core.io.detect import read
     from gasp_core.io.inspect import summarise
 
+    if solid:
+        slices = slices or Path(f"{file.stem or file.name}.solid.png")
+    if slices is not None:
+        keep_what_is_there([slices], overwrite, "--slices")
     gaussians, kind = read(file)
     summary = summarise(gaussians, path=str(file), kind=kind)
     told, lines = summary.to_json(), [summary.to_text()]
     told["parts"], text = _for_parts(file, gaussians, kind)
     lines.append(text)
-    if solid or height is not None or slices is not None:
+    if height is not None or slices is not None:
         from gasp_core.scene.objects import SplatObject
         from gasp_core.scene.selection import place_object
 
@@ -74,14 +82,13 @@ def inspect(file: Path, solid: bool, slices: Path | None, height: float | None, 
         if height is not None:
             told["scene"], text = _in_scene(placed)
             lines.append(text)
-        if solid or slices is not None:
+        if slices is not None:
             body = placed.solid()
-            path = slices or Path(f"{file.stem or file.name}.solid.png")
             told["solid"], text = _of_solid(body, unit)
-            lines.append(f"{text}\n    slices       {path}")
+            lines.append(f"{text}\n    slices       {slices}")
             from gasp_core.rendering.solid_slices import draw_slices
 
-            draw_slices(path, body, placed.gaussians.means[~placed.floating], unit)
+            draw_slices(slices, body, placed.gaussians.means[~placed.floating], unit)
     if as_json:
         print_json(told)
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.io.format_errors import shown
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ Examples:
     "--up", type=click.Choice(_AXES), help="The file's axis that points up. [default: its widest end is down]"
 )
 @click.option("--yes", "-y", is_flag=True, help="Ask nothing.")
-@click.option("--overwrite", is_flag=True, help="Replace a scene file that is there already.")
+@overwrite_option("a scene file")
 @most_memory_option
 def new(
     splat: Path,
@@ -60,7 +61,6 @@ def new(
     """
     import numpy as np
 
-    from gasp_core.errors import SceneError
     from gasp_core.io.atomic import replacing
     from gasp_core.io.detect import read
     from gasp_core.scene.floaters import floating
@@ -69,8 +69,7 @@ def new(
     from gasp_core.scene.standing import guess_up
 
     path = out if out is not None else Path(f"{_stem(splat)}.toml")
-    if path.exists() and not overwrite:
-        raise SceneError(f"{path}: is there already: --overwrite replaces it, or name another with -o")
+    keep_what_is_there([path], overwrite)
     gaussians, _ = read(splat)
     asked = not yes and sys.stdin.isatty() and sys.stderr.isatty()
     seen = gaussians.select(np.isfinite(gaussians.means).all(axis=1))

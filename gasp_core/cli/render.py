@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.errors import RenderingError
 
@@ -72,6 +73,7 @@ A camera of its own can stand in the scene file:
     help="A name, #rrggbb, transparent.",
 )
 @click.option("--up", metavar="AXIS", default="-y", show_default=True, help="A splat file's axis that points up.")
+@overwrite_option("a film or a picture")
 @most_memory_option
 @click.option("--renderer", metavar="NAME", help="numba, gsplat (CUDA), reference. [default: numba]")
 def render(
@@ -87,6 +89,7 @@ def render(
     slower: float,
     background: str,
     up: str,
+    overwrite: bool,
     renderer: str | None,
 ) -> None:
     """Show a run as a film, pictures, or a sheet of key frames.
@@ -98,8 +101,9 @@ def render(
     from gasp_core.cli.export import leave_out
     from gasp_core.rendering import filming
 
-    good, damaged = (None, []) if frame is not None else _whole_frames(run)
     paths = outs or (default_output(run, one=frame is not None and not turntable),)
+    keep_what_is_there(paths, overwrite)
+    good, damaged = (None, []) if frame is not None else _whole_frames(run)
     filming.render(
         run,
         *paths,

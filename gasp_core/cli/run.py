@@ -14,6 +14,7 @@ import click
 
 from gasp_core.cli.dry_run import estimated, print_estimate
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
 from gasp_core.cli.settings import Settings, settings_options
@@ -75,7 +76,7 @@ Examples:
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped, from its last checkpoint.")
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")
 @click.option("--isolate", is_flag=True, help="Run the engine in a process of its own: its crash is an error.")
-@click.option("--overwrite", is_flag=True, help="Replace a run that is there already.")
+@overwrite_option("a run, and a film of it,")
 @click.option(
     "--render",
     "films",
@@ -155,6 +156,8 @@ def run(
         else:
             print_estimate(found, loaded, filmed=bool(films))
         return
+    # What was filmed of it so far is part of a run that goes on.
+    keep_what_is_there(films, overwrite or resume, "--render")
     with resumable(folder, command):
         with filmed(folder, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
             recording = simulate(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gasp_core.contract import Precision
     from gasp_core.scene.model import Scene
 
-__all__ = ["PRECISIONS", "Settings", "device_option", "settings_options", "share"]
+__all__ = ["PRECISIONS", "Settings", "device_option", "set_option", "settings_options", "share"]
 
 PRECISIONS = ("float32", "float64")
 
@@ -89,6 +89,13 @@ class _Cores(click.ParamType[Any]):
 
 
 device_option = click.option("--device", metavar="NAME", help='Of the engine, e.g. cuda; "gasp engines" lists them.')
+set_option = click.option(
+    "--set",
+    "changes",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the scene file says, e.g. object.plant.height=0.3; more than one if you like.",
+)
 
 
 def settings_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -127,12 +134,6 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
             type=_Cores(),
             help='Cores that stand for the Gaussians: a share, 0.1, or a number, 5000; "all": every vertex.',
         ),
-        click.option(
-            "--set",
-            "changes",
-            metavar="KEY=VALUE",
-            multiple=True,
-            help="Instead of what the scene file says, e.g. object.plant.height=0.3; more than one if you like.",
-        ),
+        set_option,
     )
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(options), with_settings)

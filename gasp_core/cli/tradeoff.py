@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.printing import print_json, print_table
-from gasp_core.cli.settings import PRECISIONS, device_option, share
+from gasp_core.cli.settings import PRECISIONS, device_option, set_option, share
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ Examples:
   gasp tradeoff scene.toml
   gasp tradeoff scene.toml --engine taichi-mpm --resolutions 16,24,32,48
   gasp tradeoff scene.toml --fractions all,0.3,0.1,0.03 --precisions float32 --repeats 9
+  gasp tradeoff scene.toml --set scene.duration=0.5
   gasp tradeoff bar.toml --substep-fractions 0.25,0.5,0.9 --truth bar.py:position
 
 \b
@@ -77,6 +79,7 @@ FRONT marks the settings that no other one beats in both error and time.
 @click.argument("scene", type=click.Path(path_type=Path))
 @click.option("--engine", metavar="NAME", help='Engine to use instead of the scene\'s; "gasp engines" lists them.')
 @device_option
+@set_option
 @click.option(
     "--resolutions",
     metavar="N,N,..",
@@ -123,12 +126,13 @@ FRONT marks the settings that no other one beats in both error and time.
 @most_memory_option
 @trust_code_option
 @click.option("--keep", is_flag=True, help="Keep a recording of each setting, and the truth's.")
-@click.option("--overwrite", is_flag=True, help="Replace a result that is there already.")
+@overwrite_option("a result")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and no progress.")
 def tradeoff(
     scene: Path,
     engine: str | None,
     device: str | None,
+    changes: tuple[str, ...],
     resolutions: tuple[int, ...] | None,
     fractions: tuple[float | None, ...],
     precisions: tuple[str, ...] | None,
@@ -154,7 +158,7 @@ def tradeoff(
     from gasp_core.studies.tradeoff import default_resolutions, grid, load_truth
     from gasp_core.studies.tradeoff import tradeoff as measured
 
-    loaded = load_scene(scene)
+    loaded = load_scene(scene, changes)
     descriptor = discover().descriptor(engine or loaded.engine.name)
     if resolutions is None and loaded.accuracy.spacing is not None:
         raise click.UsageError("the scene names a spacing, which fixes its resolution: say --resolutions")

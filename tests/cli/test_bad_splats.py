@@ -131,4 +131,4 @@ def test_target_that_is_a_folder(refused, workplace):
 def test_an_existing_target_survives_a_failure(refused, workplace):
     (workplace / "bad.ply").write_bytes(CASES["cut_data.ply"][0])
     (workplace / "good.ply").write_bytes(b"precious")
-    refused("convert", "bad.ply", "good.ply", says=["bad.ply"])
+    refused("convert", "bad.ply", "good.ply", "--overwrite", says=["bad.ply"])

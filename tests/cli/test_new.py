@@ -42,14 +42,6 @@ def test_a_scene_is_named_after_its_splat_and_finds_it_from_where_it_is(gasp, wo
     assert load_scene("here/a.toml").objects[0].splat == workplace / "toy.ply"
 
 
-def test_a_scene_that_is_there_is_not_replaced_unasked(gasp, workplace, refused):
-    before = (workplace / "scene.toml").read_bytes()
-    refused("new", "toy.ply", "-o", "scene.toml", says=["scene.toml: is there already", "--overwrite"])
-    assert (workplace / "scene.toml").read_bytes() == before
-    assert gasp("new", "toy.ply", "-o", "scene.toml", "--overwrite").status == 0
-    assert (workplace / "scene.toml").read_bytes() != before
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

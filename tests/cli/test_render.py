@@ -60,7 +60,9 @@ def test_cameras(gasp, run):
         ["--from", 1, 1, 1, "--to", 0, 0, 0.2],
         ["--turntable"],
     ):
-        outcome = gasp("render", run, "-o", "frames", "--size", "48", "--background", "transparent", *options)
+        outcome = gasp(
+            "render", run, "-o", "frames", "--size", "48", "--background", "transparent", "--overwrite", *options
+        )
         assert (outcome.status, outcome.err) == (0, ""), options
         pictures.append(np.asarray(Image.open("frames/frame_0001.png")))
         assert pictures[-1].shape == (48, 48, 4)
