@@ -1,6 +1,6 @@
 """Whether films lose what they are of: captures that are dropped, thrown, toppled and poured, and the examples.
 
-    python benchmarks/framing.py [--only captures|examples] [--frames N] [--sheets FOLDER]
+    python benchmarks/framing.py [--only captures|examples] [--examples NAME,..] [--frames N] [--sheets FOLDER]
 
 Every scene is run once and filmed while it runs; then it is filmed from its recording. For each frame the silhouette of
 what is to be in the picture is drawn with a field of view twice as wide as the film's. OUTSIDE is the largest share, in
@@ -137,19 +137,20 @@ def captures(names, motions, frames):
             yield f"{name} {motion}".replace(" ", "-"), scene
 
 
-def examples(folder):
+def examples(folder, names):
     """The scenes of examples/, coarse."""
     beside = folder / "examples"
     shutil.copytree(ROOT / "examples", beside, ignore=shutil.ignore_patterns("*.gasp", "__pycache__"))
     for maker in (*sorted(beside.glob("make_*.py")), beside / "vibrating_bar.py"):
         subprocess.run([sys.executable, maker], check=True, stdout=subprocess.DEVNULL)
-    for name in EXAMPLES:
+    for name in names:
         yield name, gasp.load_scene(beside / f"{name}.toml")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("captures", "examples"))
+    parser.add_argument("--examples", default=",".join(EXAMPLES))
     parser.add_argument("--captures", default=",".join(CAPTURES))
     parser.add_argument("--motions", default=",".join(MOTIONS))
     parser.add_argument("--frames", type=int, default=16, help="Of each capture's run, at 20 a second.")
@@ -161,7 +162,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         if chosen.only != "captures":
-            for name, scene in examples(folder):
+            for name, scene in examples(folder, chosen.examples.split(",")):
                 filmed(name, scene, folder, chosen.sheets)
         if chosen.only != "examples":
             for name, scene in captures(chosen.captures.split(","), chosen.motions.split(","), chosen.frames):

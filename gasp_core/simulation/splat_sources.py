@@ -1,39 +1,22 @@
-"""The splats of a scene, read and placed."""
+"""The splats of a scene, read, placed and made into points."""
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gasp_core.dynamics.composition import Played, play
-from gasp_core.dynamics.frame_sequence import frame_files
-from gasp_core.dynamics.function_motion import function_digest
-from gasp_core.gaussians import Gaussians
-from gasp_core.io import read_splat
-from gasp_core.io.digests import add_content
+from gasp_core.dynamics.placed_scene import place_scene
 from gasp_core.reduction.assembly import Assembly, assemble
 from gasp_core.reduction.transfer_operator import TransferOperator
-from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
-from gasp_core.scene.motions import FrameSequence, PythonMotion
-from gasp_core.scene.objects import SplatObject, columns_of
-from gasp_core.scene.selection import PlacedObject, place_object
-from gasp_core.scene.writing import gaussians_digest
+from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["Prepared", "prepare"]
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A scene whose splats are read and placed.
+    """A scene whose splats are read, placed and made into points.
 
     Parameters
     ----------
@@ -65,50 +48,6 @@ def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -
     SceneError, SplatFormatError
         Where a splat cannot be read, or nothing of it is left.
     """
-    objects: list[PlacedObject] = []
-    digests: list[str] = []
-    motions: dict[str, Played] = {}
-    for item in scene.objects:
-        gaussians, digest = read_source(item)
-        if item.motion is None:
-            objects.append(place_object(item, gaussians))
-        else:
-            placed, motions[item.name] = play(item, gaussians, scene.maps)
-            objects.append(placed)
-        digests.append(digest)
-    degrees = {placed.gaussians.sh_degree for placed in objects}
-    if len(degrees) > 1:
-        objects = [_raised(placed, max(degrees)) for placed in objects]
-    return Prepared(objects=tuple(objects), digests=tuple(digests), assembly=assemble(scene, objects, motions, known))
-
-
-def read_source(item: SplatObject) -> tuple[Gaussians, str]:
-    """The Gaussians of an object, of frames those of the first, and the digest of all that it comes from."""
-    gaussians, digest = _read_splat_and_motion(item)
-    digests = [found for column in columns_of(item) if (found := column_digest(column))]
-    if digests:
-        digest = hashlib.sha256(" ".join([digest, *digests]).encode()).hexdigest()
-    return gaussians, digest
-
-
-def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
-    """The Gaussians, and the digest of where they and psi come from."""
-    if isinstance(item.motion, PythonMotion):
-        gaussians, own = _read_splat_and_motion(dataclasses.replace(item, motion=None))
-        return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
-    if isinstance(item.splat, Gaussians):
-        return item.splat, gaussians_digest(item.splat)
-    first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
-    gaussians = read_splat(first)
-    digest = hashlib.sha256()
-    add_content(digest, item.splat)
-    return gaussians, digest.hexdigest()
-
-
-def _raised(placed: PlacedObject, degree: int) -> PlacedObject:
-    """An object whose harmonics are filled up with zeros to a degree, so that all objects share one array."""
-    harmonics = placed.gaussians.harmonics
-    missing = (degree + 1) ** 2 - harmonics.shape[1]
-    zeros = np.zeros((len(harmonics), missing, 3), dtype=harmonics.dtype)
-    raised = placed.gaussians.with_(harmonics=np.concatenate([harmonics, zeros], axis=1))
-    return dataclasses.replace(placed, gaussians=raised)
+    placed = place_scene(scene)
+    assembly = assemble(scene, placed.objects, placed.motions, known)
+    return Prepared(objects=placed.objects, digests=placed.digests, assembly=assembly)

@@ -22,6 +22,7 @@ from gasp_core import (
     scene_to_toml,
     write_splat,
 )
+from gasp_core.dynamics.placed_scene import read_source
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.digest import scene_digest
@@ -29,7 +30,6 @@ from gasp_core.scene.floaters import components, floating
 from gasp_core.scene.loading import read_scene, read_stored_scene
 from gasp_core.scene.objects import laws_of
 from gasp_core.scene.selection import place_object
-from gasp_core.simulation.splat_sources import read_source
 
 SOFT = Elastic(density=300, youngs_modulus=1e5, poissons_ratio=0.3)
 STIFF = Elastic(density=900, youngs_modulus=1e7, poissons_ratio=0.2)
