@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gasp_core.errors import SplatFormatError
+from gasp_core.notebooks import ShownInNotebooks
 
 __all__ = ["Gaussians", "rotation_matrices", "rotation_quaternions"]
 
@@ -16,7 +17,7 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gaussians:
+class Gaussians(ShownInNotebooks):
     """N anisotropic 3D Gaussians with colour, as a trained splat holds them.
 
     The frame is whatever the file or the caller uses; scenes turn it into metres and +z up in one place.

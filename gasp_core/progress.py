@@ -1,4 +1,4 @@
-"""What a run shows on the terminal while it goes on, or in a log every now and then."""
+"""What a run shows while it goes on: on the terminal, in a notebook, or in a log every now and then."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from html import escape
 from typing import TYPE_CHECKING, Any, Literal
+
+from gasp_core.notebooks import in_notebook
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -16,10 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Progress", "Shown", "counting", "duration", "progress_for"]
 
 Shown = bool | Literal["log"] | None
-"""Whether there is a bar on stderr; None: where that is a terminal; "log": there, and elsewhere a line now and then."""
-
-_PAUSE = 10.0
-"""Seconds between two lines of a log."""
+"""Whether there is a bar; None: on terminals and in notebooks; "log": there, and elsewhere a line now and then."""
 
 
 class Progress:
@@ -52,6 +52,15 @@ class _Watched(Progress):
         self._done = 0
         self._first = 0.0
         self._since = 0.0
+        self._told: set[str] = set()
+
+    def warn(self, sentence: str) -> None:
+        _, _, warning = sentence.partition(": ")
+        # The same warning with other numbers comes with every frame.
+        kind = "".join(letter for letter in warning if not letter.isdigit())
+        if kind not in self._told:
+            self._told.add(kind)
+            self.say(sentence)
 
     def enter(self, phase: str) -> None:
         self.phase = phase
@@ -83,18 +92,9 @@ class _Bar(_Watched):
     def __init__(self, bar: Any, frames: int) -> None:
         super().__init__(frames)
         self._bar = bar
-        self._told: set[str] = set()
 
     def say(self, sentence: str) -> None:
         self._bar.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-    def warn(self, sentence: str) -> None:
-        _, _, warning = sentence.partition(": ")
-        # The same warning with other numbers comes with every frame.
-        kind = "".join(letter for letter in warning if not letter.isdigit())
-        if kind not in self._told:
-            self._told.add(kind)
-            self.say(sentence)
 
     def columns(self) -> dict[str, Any]:
         """What the bar shows now."""
@@ -105,6 +105,9 @@ class _Bar(_Watched):
 
 class _Lines(_Watched):
     """A line on stderr every ten seconds: for logs, and where nobody looks at once."""
+
+    pause = 10.0
+    """Seconds between two of them."""
 
     def __init__(self, frames: int) -> None:
         super().__init__(frames)
@@ -121,21 +124,60 @@ class _Lines(_Watched):
         self._thread.join()
 
     def _go_on(self) -> None:
-        while not self._ended.wait(_PAUSE):
-            print(self.line(), file=sys.stderr, flush=True)
+        while not self._ended.wait(self.pause):
+            self.show()
+
+    def show(self) -> None:
+        """Tell how far it is."""
+        print(self.line(), file=sys.stderr, flush=True)
 
     def line(self) -> str:
         """How far it is."""
-        so_far = f"{duration(time.monotonic() - self._start)} so far"
-        if self.phase != "frame":
-            return f"{self.phase}: {so_far}"
+        since = duration(time.monotonic() - self._start)
+        if self._frame is None:
+            return f"{self.phase}: {since} so far"
+        if self.done >= self.frames:
+            return f"{self.phase} {self.frames} of {self.frames}: {since}"
         left = f", about {duration(self.left)} left" if self.left == self.left else ""
-        return f"frame {self.done:.1f} of {self.frames}: {so_far}{left}"
+        return f"{self.phase} {self.done:.1f} of {self.frames}: {since} so far{left}"
+
+
+class _Cell(_Lines):
+    """A bar below the cell of a notebook, drawn anew in its place."""
+
+    pause = 0.5
+
+    def __enter__(self) -> _Cell:
+        from IPython.display import HTML, display
+
+        self._handle: Any = display(HTML(self.html()), display_id=True)
+        super().__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
+        self.show()
+
+    def show(self) -> None:
+        from IPython.display import HTML
+
+        self._handle.update(HTML(self.html()))
+
+    def say(self, sentence: str) -> None:
+        print(sentence)
+
+    def html(self) -> str:
+        """The bar, and how far it is in words."""
+        return f'<progress value="{self.done:.3f}" max="{self.frames}"></progress> {escape(self.line())}'
 
 
 @contextmanager
 def progress_for(shown: Shown, frames: int) -> Generator[Progress]:
     """Something to tell progress to, and shown as `Shown` says."""
+    if shown is not False and in_notebook():
+        with _Cell(frames) as cell:
+            yield cell
+        return
     if shown == "log" and not sys.stderr.isatty():
         with _Lines(frames) as lines:
             yield lines
@@ -183,7 +225,19 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def counting(shown: bool | None, what: str, total: int) -> Generator[Callable[[], None]]:
-    """A bar for `total` like steps, and a function to call after each; shown where stderr is a terminal (None)."""
+    """A bar for `total` like steps, and a function to call after each; None: on terminals and in notebooks."""
+    if shown is not False and in_notebook():
+        done = 0
+
+        def step() -> None:
+            nonlocal done
+            done += 1
+
+        with _Cell(total + 1) as cell:
+            cell.watch(lambda: done)
+            cell.phase = what
+            yield step
+        return
     if shown is False or (shown is None and not sys.stderr.isatty()):
         yield lambda: None
         return

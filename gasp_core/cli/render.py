@@ -28,6 +28,7 @@ Examples:
   gasp render plant.gasp -o last.png --frame 50 --camera cameras.json:12
   gasp render plant.gasp -o around.mp4 --turntable --slower 4
   gasp render thrown.gasp -o along.mp4 --follow --camera right
+  gasp render plant.toml                          plant.png: a scene as it begins
   gasp render plant.splat -o look.png             a splat file, as it is
 
 \b
@@ -94,7 +95,8 @@ def render(
 ) -> None:
     """Show a run as a film, pictures, or a sheet of key frames.
 
-    RUN is the folder that "gasp run" wrote, finished or not, or a splat file. Without a camera, the whole motion is in
+    RUN is the folder that "gasp run" wrote, finished or not; or a scene file, which is shown as it begins, or a splat
+    file. Without a camera, the whole motion is in
     the picture. Colliders are drawn too. Frames that are damaged are named and left out; the exit status is 1 then.
     """
     choice = _choice(camera, position, target)

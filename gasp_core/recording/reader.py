@@ -15,6 +15,7 @@ from gasp_core.dynamics.composition import PrescribedMotion
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
+from gasp_core.notebooks import ShownInNotebooks
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
 from gasp_core.recording.commits import Commits, numbered, too_many_lost
@@ -40,7 +41,7 @@ Array = NDArray[Any]
 RecordingStatus = Literal["running", "complete", "incomplete"]
 
 
-class Recording:
+class Recording(ShownInNotebooks):
     """A run on disk. Opening reads its header only; frames are read when asked for.
 
     Use `Recording.open`.

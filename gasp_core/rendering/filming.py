@@ -1,4 +1,4 @@
-"""A recording, or a splat file, as films, pictures and sheets."""
+"""A recording, a scene, or a splat, as films, pictures and sheets."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from pathlib import Path
 from gasp_core.errors import RenderingError, SceneError
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
-from gasp_core.rendering.footage import Footage, RecordedFootage, open_footage
+from gasp_core.rendering.footage import Footage, RecordedFootage, SceneFootage, open_footage
 from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.rendering.viewpoints import cameras_for, read_choice
+from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import UpAxis
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["render"]
+__all__ = ["film", "render"]
 
 _TURN = 100
 """Pictures of a turn around something that does not move."""
 
 
 def render(
-    run: Recording | str | Path,
+    run: Recording | Scene | str | Path,
     *outs: str | Path,
     size: tuple[int, int] = (1280, 720),
     camera: str | CameraChoice | None = None,
@@ -40,14 +41,14 @@ def render(
     renderer: str | None = None,
     progress: bool | None = None,
 ) -> None:
-    """Show a run as a film, as pictures, or as a sheet of key frames.
+    """Show a run as a film, as pictures, or as a sheet of key frames; a scene or a splat as a picture.
 
     Every file appears whole, or not at all where anything fails; what was there under its name is replaced.
 
     Parameters
     ----------
     run
-        A recording, finished or not, or the path of one, or of a splat file.
+        A recording, finished or not, or a scene, which is shown as it begins; or the path of one, or of a splat file.
     outs
         ``film.mp4``, ``.webm``, ``.gif``, ``sheet.png`` (key frames; of one frame a plain picture), else a folder of
         pictures. Each frame is painted once for all of them.
@@ -72,7 +73,7 @@ def render(
     renderer
         Name of an installed renderer; None: the default.
     progress
-        Show a bar on stderr; None: where that is a terminal.
+        Show a bar; None: on terminals and in notebooks.
 
     Raises
     ------
@@ -81,11 +82,47 @@ def render(
         missing.
     RecordingError, SplatFormatError
         Where `run` is neither, or damaged.
+    SceneError
+        Where it is a scene that cannot be read.
     """
     if not (math.isfinite(slower) and slower > 0):
         raise RenderingError(f"slower must be a number > 0, found {slower!r}")
+    if isinstance(run, Recording):
+        footage = RecordedFootage(run)
+    elif isinstance(run, Scene):
+        footage = SceneFootage(run, Path("scene"))
+    else:
+        footage = open_footage(run, up)
+    film(
+        footage,
+        *outs,
+        size=size,
+        camera=camera,
+        frames=frames,
+        turntable=turntable,
+        follow=follow,
+        rate=footage.frame_rate / slower,
+        background=background,
+        renderer=renderer,
+        progress=progress,
+    )
+
+
+def film(
+    footage: Footage,
+    *outs: str | Path,
+    size: tuple[int, int],
+    camera: str | CameraChoice | None = None,
+    frames: Sequence[int] | None = None,
+    turntable: bool = False,
+    follow: bool | None = None,
+    rate: float,
+    background: str = "white",
+    renderer: str | None = None,
+    progress: bool | None = None,
+) -> None:
+    """`render` of what is open already, with so many pictures a second, `rate`."""
     colour = parse_background(background)
-    footage = RecordedFootage(run) if isinstance(run, Recording) else open_footage(run, up)
     choice = _choice(footage, read_choice(camera) if isinstance(camera, str) else camera, turntable, follow)
     count = footage.frame_count
     chosen = list(range(count) if frames is None else frames)
@@ -109,7 +146,7 @@ def render(
         width=width,
         height=height,
     )
-    rate, title = footage.frame_rate / slower, footage.path.name
+    title = footage.path.name
     outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
     painter = FramePainter(footage, painting, motion=motion, background=colour)
     with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:

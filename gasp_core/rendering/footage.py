@@ -1,7 +1,9 @@
-"""What can be shown: a recording, or a splat file as a recording of one frame."""
+"""What can be shown: a recording, or a splat or a scene as a recording of one frame."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,18 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Collider
-from gasp_core.errors import RecordingError
+from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
+from gasp_core.errors import RecordingError, SceneError
+from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.recording import Recording
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.file_shapes import FileShape
+from gasp_core.scene.loading import load_scene
+from gasp_core.scene.model import Scene
+from gasp_core.scene.named_code import without_code
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placed_solid import PlacedSolid
 from gasp_core.scene.placement import Placement, robust_box
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["Footage", "Moving", "RecordedFootage", "Still", "open_footage"]
+__all__ = ["Footage", "Moving", "RecordedFootage", "SceneFootage", "Still", "open_footage"]
 
 Array = NDArray[Any]
 
@@ -98,7 +105,7 @@ class RecordedFootage:
     @property
     def colliders(self) -> tuple[Collider, ...]:
         """Of the scene, those that a formula describes: what a file describes is drawn as an object where it is one."""
-        return tuple(one for one in self.recording.scene.colliders if not isinstance(one.shape, FileShape))
+        return _by_formula(self.recording.scene)
 
     @property
     def camera(self) -> CameraChoice | None:
@@ -127,17 +134,9 @@ class RecordedFootage:
         """Mask (N,) of the drawn Gaussians without those of objects that stand still and are much larger than all that
         moves.
         """
-        means = self.recording.reference.means
-        chosen = np.ones(len(means), dtype=bool)
         simulated = {body.item for body in self.recording.header.bodies}
-        entries = self.recording.header.objects
-        moved = [means[entries[item].first : entries[item].last] for item in sorted(simulated)]
-        if moved:
-            size = _size(np.concatenate(moved))
-            for item, entry in enumerate(entries):
-                rows = slice(entry.first, entry.last)
-                chosen[rows] = item in simulated or _size(means[rows]) <= _BACKDROP * size
-        return chosen
+        rows = [slice(entry.first, entry.last) for entry in self.recording.header.objects]
+        return _in_subject(self.recording.reference.means, rows, [item in simulated for item in range(len(rows))])
 
     def placement(self, name: str | None) -> Placement:
         """How an object's file was put into the world."""
@@ -145,12 +144,21 @@ class RecordedFootage:
 
 
 class Still:
-    """A splat file, stood upright, in units of its own; Gaussians that cannot be drawn are left out.
+    """A splat, stood upright, in units of its own; Gaussians that cannot be drawn are left out.
+
+    Parameters
+    ----------
+    gaussians
+        As their file holds them.
+    up
+        The file's axis that points up.
+    path
+        Where they came from.
 
     Raises
     ------
-    SplatFormatError, SceneError
-        Where the file cannot be read, or nothing in it can be drawn.
+    SceneError
+        Where nothing of it can be drawn.
     """
 
     frame_count = 1
@@ -158,10 +166,10 @@ class Still:
     colliders: tuple[Collider, ...] = ()
     camera: CameraChoice | None = None
 
-    def __init__(self, path: Path, up: UpAxis = "-y") -> None:
+    def __init__(self, gaussians: Gaussians, up: UpAxis, path: Path) -> None:
         self.path = path
-        item = SplatObject(name=path.stem, splat=path, static=True, up=up)
-        self._placed = place_object(item, read_splat(path))
+        item = SplatObject(name=path.stem, splat=gaussians, static=True, up=up)
+        self._placed = place_object(item, gaussians)
 
     def splats(self, frame: int) -> RenderInput:
         """All there is."""
@@ -184,27 +192,106 @@ class Still:
         return self._placed.placement
 
 
+class SceneFootage:
+    """A scene as it stands before its first step; what code of its own would move stands as its file has it.
+
+    Parameters
+    ----------
+    scene
+        Whose splats are read and placed.
+    path
+        Where it came from.
+
+    Raises
+    ------
+    SceneError, SplatFormatError
+        Where a splat cannot be read, or nothing of it is left.
+    """
+
+    frame_count = 1
+
+    def __init__(self, scene: Scene, path: Path) -> None:
+        self.path = path
+        self.scene = scene
+        self.frame_rate = scene.frame_rate
+        self.colliders = _by_formula(scene)
+        self.camera = scene.camera
+        self._placed: PlacedScene = place_scene(without_code(scene))
+        self._gaussians = _joined([one.gaussians for one in self._placed.objects])
+
+    def splats(self, frame: int) -> RenderInput:
+        """All objects."""
+        return RenderInput.of(self._gaussians)
+
+    def subject(self, frame: int) -> RenderInput:
+        """What will move, and what stands still beside it, but for a backdrop."""
+        return self.splats(frame).select(self.in_subject)
+
+    def positions(self, frame: int) -> Array:
+        """Means of the subject."""
+        return self._gaussians.means[self.in_subject]
+
+    @cached_property
+    def in_subject(self) -> Array:
+        """Mask (N,) of the drawn Gaussians, as `RecordedFootage` has it, without what floats apart from its object."""
+        ends = np.cumsum([len(one.gaussians) for one in self._placed.objects]).tolist()
+        rows = [slice(end - len(one.gaussians), end) for end, one in zip(ends, self._placed.objects)]
+        floating = np.concatenate([one.floating for one in self._placed.objects])
+        moving = [not item.static for item in self.scene.objects]
+        return _in_subject(self._gaussians.means, rows, moving) & ~floating
+
+    def placement(self, name: str | None) -> Placement:
+        """How an object's file was put into the world."""
+        for one in self._placed.objects:
+            if name is None or one.item.name == name:
+                return one.placement
+        raise SceneError(f'{self.path}: has no object "{name}"')
+
+
 def open_footage(path: str | Path, up: UpAxis = "-y") -> Footage:
-    """A recording, or a splat file that is stood upright.
+    """A recording, a scene before its first step, or a splat file that is stood upright.
 
     Parameters
     ----------
     path
-        A folder that gasp run wrote, or a splat file (or folder, for unpacked .sog).
+        A folder that gasp run wrote, a scene file (.toml), or a splat file (or folder, for unpacked .sog).
     up
         A splat file's axis that points up.
 
     Raises
     ------
-    RecordingError, SplatFormatError
-        Where it is neither, or damaged.
+    RecordingError, SceneError, SplatFormatError
+        Where it is none of them, or damaged.
     """
     path = Path(path)
     if not path.exists():
-        raise RecordingError(f"{path}: there is no such recording or splat file")
+        raise RecordingError(f"{path}: there is no such recording, scene or splat file")
     if path.suffix == ".gasp" or (path / "zarr.json").exists():
         return RecordedFootage(Recording.open(path))
-    return Still(path, up)
+    if path.suffix == ".toml":
+        return SceneFootage(load_scene(path), path)
+    return Still(read_splat(path), up, path)
+
+
+def _by_formula(scene: Scene) -> tuple[Collider, ...]:
+    return tuple(one for one in scene.colliders if not isinstance(one.shape, FileShape))
+
+
+def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) -> Array:
+    """Mask (N,) of Gaussians without those of objects that stand still and are much larger than all that moves."""
+    chosen = np.ones(len(means), dtype=bool)
+    moved = [means[rows] for rows, moves in zip(objects, moving) if moves]
+    if moved:
+        size = _size(np.concatenate(moved))
+        for rows, moves in zip(objects, moving):
+            chosen[rows] = moves or _size(means[rows]) <= _BACKDROP * size
+    return chosen
+
+
+def _joined(parts: Sequence[Gaussians]) -> Gaussians:
+    """All of them, their harmonics of one degree."""
+    names = [field.name for field in dataclasses.fields(Gaussians)]
+    return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def _size(means: Array) -> float:

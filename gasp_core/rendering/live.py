@@ -42,7 +42,7 @@ class LiveFilm:
     frames
         How many there will be; None: as many as the scene has.
     progress
-        Show a bar on stderr while it is painted anew; None: where that is a terminal.
+        Show a bar while it is painted anew; None: on terminals and in notebooks.
 
     Raises
     ------

@@ -16,6 +16,7 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
+from gasp_core.notebooks import ShownInNotebooks
 from gasp_core.scene.body_contacts import ContactRule, check_rules
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
@@ -24,7 +25,7 @@ __all__ = ["Scene", "engine_notes"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class Scene(ShownInNotebooks):
     """Everything a simulation needs.
 
     Parameters

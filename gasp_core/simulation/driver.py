@@ -89,8 +89,8 @@ def simulate(
         Import the functions that motions of the scene name by text, which is refused otherwise: such code comes with
         the scene, and runs with your rights. A function that is handed over as an object is your own, and asks nothing.
     progress
-        Show a progress bar and notes on stderr; None: where that is a terminal; "log": there, and elsewhere a line
-        every ten seconds.
+        Show a progress bar and notes; None: on terminals and in notebooks; "log": there, and elsewhere a line every
+        ten seconds.
     recorded
         Called with the number of each new frame once it is on disk.
 

@@ -52,6 +52,18 @@ def test_without_a_name_the_film_is_called_after_the_run_and_a_picture_after_the
 
 
 @needs_renderer
+def test_a_scene_is_shown_as_it_begins(gasp, refused, workplace):
+    assert gasp("render", "scene.toml", "--size", "48").out.split() == ["scene.png"]
+    assert gasp("run", "scene.toml", "--frames", "1").status == 0
+    assert gasp("render", "scene.gasp", "-o", "run.png", "--size", "48").status == 0
+    # One frame is no motion, of a scene or of a run: the same camera, and the same picture.
+    assert np.array_equal(np.asarray(Image.open("scene.png")), np.asarray(Image.open("run.png")))
+    scene = workplace / "scene.toml"
+    scene.write_text(scene.read_text().replace("toy.ply", "none.ply"))
+    refused("render", "scene.toml", "-o", "other.png", says=["scene.toml", "none.ply"])
+
+
+@needs_renderer
 def test_cameras(gasp, run):
     pictures = []
     for options in (
@@ -153,8 +165,7 @@ def test_bad_arguments(run, refused, arguments, says):
 
 
 def test_things_that_cannot_be_shown(refused, workplace):
-    refused("render", "none.gasp", says=["none.gasp: there is no such recording or splat file"])
-    refused("render", "scene.toml", says=["scene.toml"])
+    refused("render", "none.gasp", says=["none.gasp: there is no such recording, scene or splat file"])
     (workplace / "empty.gasp").mkdir()
     refused("render", "empty.gasp", says=["empty.gasp: is no recording"])
 

@@ -166,7 +166,7 @@ def test_what_cannot_be_shown(recording, dots, tmp_path, options, says):
 
 
 def test_what_is_neither_run_nor_splat(tmp_path):
-    with pytest.raises(RecordingError, match="there is no such recording or splat file"):
+    with pytest.raises(RecordingError, match="there is no such recording, scene or splat file"):
         open_footage(tmp_path / "none")
     (tmp_path / "empty.gasp").mkdir()
     with pytest.raises(RecordingError, match="is no recording"):

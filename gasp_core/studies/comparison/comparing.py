@@ -82,7 +82,7 @@ def compare(
     trust_code
         Import the functions that motions of the scene name by text, see `simulate`.
     progress
-        Show bars on stderr; None: where that is a terminal.
+        Show bars; None: on terminals and in notebooks.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``gasp view``: a run or a splat file in the browser."""
+"""``gasp view``: a run, a scene or a splat file in the browser."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ __all__ = ["view"]
     epilog="""\b
 Examples:
   gasp view plant.gasp                    a run, even while it is still going
+  gasp view scene.toml                    a scene as it begins
   gasp view plant.splat                   a splat file, y down as 3DGS writes them
   gasp view scan.ply --up +z              one that is z up
   gasp view plant.splat --layer solid     the body that GASP finds in it
@@ -66,18 +67,18 @@ In the page: drag turns, drag with the right button shifts, the wheel zooms.
 )
 @most_memory_option
 def view(path: Path, host: str, port: int, opens: bool, up: str | None, layer: str, colouring: str) -> None:
-    """Show a run or a splat file in the browser, until Ctrl-C.
+    """Show a run, a scene or a splat file in the browser, until Ctrl-C.
 
-    PATH is the folder that "gasp run" wrote, or a splat file. A run may still be going: the page follows it.
+    PATH is the folder that "gasp run" wrote, a scene file, or a splat file. A run may still be going: the page follows it.
     """
-    from gasp_core.rendering.footage import RecordedFootage, open_footage
+    from gasp_core.rendering.footage import RecordedFootage, Still, open_footage
     from gasp_viewer.server import free_port, is_loopback, page_address, serving
     from gasp_viewer.session import Exhibit, Session, wait_for_frame
 
     footage = open_footage(path, cast(UpAxis, up or "-y"))
+    if up is not None and not isinstance(footage, Still):
+        raise click.UsageError(f"--up is for splat files: {path} is none, and upright")
     if isinstance(footage, RecordedFootage):
-        if up is not None:
-            raise click.UsageError(f"--up is for splat files: {path} is a run, and upright")
         wait_for_frame(footage, say=lambda sentence: click.echo(sentence, err=True))
     exhibit = Exhibit(footage)
     for name, known, what in ((layer, exhibit.layers, "layer"), (colouring, exhibit.colourings, "colour")):

@@ -15,7 +15,7 @@ def gasp_commands() -> Sequence[Command]:
     return [
         Command(
             name="view",
-            summary="Show a run or a splat file in the browser.",
+            summary="Show a run, a scene or a splat file in the browser.",
             factory="gasp_viewer.command:view",
         )
     ]

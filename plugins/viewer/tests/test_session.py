@@ -277,3 +277,18 @@ def test_a_run_that_dies_before_its_first_frame(gated_run, tmp_path):
     (path / "commits" / "00000000").rename(tmp_path / "aside")
     with pytest.raises(RecordingError, match="holds no frame, and nothing writes to it"):
         wait_for_frame(open_footage(path), say=lambda sentence: gated_run.kill(), pause=0.01)
+
+
+def test_a_scene_is_shown_as_it_begins(watch, tmp_path, toy):
+    write_splat(tmp_path / "toy.ply", toy)
+    (tmp_path / "scene.toml").write_text(
+        "[scene]\nduration = 1\nframe_rate = 10\n"
+        '[[object]]\nname = "toy"\nsplat = "toy.ply"\nup = "+z"\nheight = 0.3\nposition = [0, 0, 0.2]\n'
+        'material = "rubber"\n'
+        '[[collider]]\nshape = "plane"\nheight = 0\n'
+    )
+    for layer in ("gaussians", "triangles"):
+        viewing = watch(tmp_path / "scene.toml", layer=layer)
+        viewing.until(lambda shown=viewing: shown.session.picture is not None)
+        assert viewing.text("message") == ""
+    assert open_footage(tmp_path / "scene.toml").positions(0)[:, 2].min() > 0.15
