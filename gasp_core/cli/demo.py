@@ -83,7 +83,9 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
         if interrupted(recording):
             raise KeyboardInterrupt
     films = _film(recording, folder)
-    paths, _ = export_frames(recording, range(recording.frame_count), folder / "frames", stem="toy", suffix=".ply")
+    paths, _ = export_frames(
+        recording.gaussians, range(recording.frame_count), folder / "frames", stem="toy", suffix=".ply"
+    )
     click.echo(
         f"{films}splat files: {paths[0]} to {paths[-1].name}\n"
         "\n"

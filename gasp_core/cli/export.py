@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.errors import RecordingError
 
 if TYPE_CHECKING:
+    from gasp_core.gaussians import Gaussians
     from gasp_core.recording import Recording
 
 __all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
@@ -28,6 +29,7 @@ Examples:
   gasp export plant.gasp --all --format ply       plant_frames/plant_0000.ply ...
   gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
   gasp export plant.gasp --frame 12 -o still.splat
+  gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
 """
 )
 @click.argument("run", type=click.Path(path_type=Path))
@@ -39,6 +41,11 @@ Examples:
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
 @most_memory_option
+@click.option(
+    "--as-drawn",
+    is_flag=True,
+    help="With the grains that pictures show of sand and water that has flowed; rows are no longer those of the file.",
+)
 @overwrite_option("files")
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
@@ -48,7 +55,9 @@ Examples:
     type=click.Path(path_type=Path),
     help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
 )
-def export(run: Path, suffix: str | None, frame: int | None, every: bool, overwrite: bool, out: Path | None) -> None:
+def export(
+    run: Path, suffix: str | None, frame: int | None, every: bool, as_drawn: bool, overwrite: bool, out: Path | None
+) -> None:
     """Write the frames of a run as splat files.
 
     RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has. Frames that are damaged
@@ -72,7 +81,7 @@ def export(run: Path, suffix: str | None, frame: int | None, every: bool, overwr
         keep_what_is_there([path], overwrite)
         from gasp_core.io import write_splat
 
-        write_splat(path, recording.gaussians(frame))
+        write_splat(path, _read(recording, as_drawn)(frame))
         click.echo(path)
     else:
         folder = out if out is not None else Path(f"{stem}_frames")
@@ -80,7 +89,9 @@ def export(run: Path, suffix: str | None, frame: int | None, every: bool, overwr
         keep_what_is_there(earlier, overwrite)
         lost = set(recording.lost)
         frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
-        paths, damaged = export_frames(recording, frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"])
+        paths, damaged = export_frames(
+            _read(recording, as_drawn), frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"]
+        )
         if lost:
             damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
         for path in set(earlier) - set(paths):
@@ -90,10 +101,18 @@ def export(run: Path, suffix: str | None, frame: int | None, every: bool, overwr
         leave_out(damaged)
 
 
+def _read(recording: Recording, as_drawn: bool) -> Callable[[int], Gaussians]:
+    if not as_drawn:
+        return recording.gaussians
+    from gasp_core.recording.drawn import DrawnFrames
+
+    return DrawnFrames(recording).gaussians
+
+
 def export_frames(
-    recording: Recording, frames: Iterable[int], folder: Path, *, stem: str, suffix: str
+    read: Callable[[int], Gaussians], frames: Iterable[int], folder: Path, *, stem: str, suffix: str
 ) -> tuple[list[Path], list[str]]:
-    """Write frames as files ``stem_0000.suffix`` into a folder, which is made.
+    """Write frames, which `read` reads, as files ``stem_0000.suffix`` into a folder, which is made.
 
     Frames that are damaged are left out. Where a file cannot be written, those before it are taken away again: half a
     film under the names of a whole one misleads.
@@ -121,7 +140,7 @@ def export_frames(
     try:
         for frame in frames:
             try:
-                gaussians = recording.gaussians(frame)
+                gaussians = read(frame)
             except TooLargeError:
                 raise
             except RecordingError as error:

@@ -17,6 +17,7 @@ from gasp_core.errors import RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.recording import Recording
+from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.loading import load_scene
@@ -77,7 +78,11 @@ class Footage(Moving, Protocol):
         ...
 
     def splats(self, frame: int) -> RenderInput:
-        """What is drawn in a frame."""
+        """The Gaussians of a frame, a row each from the first frame to the last."""
+        ...
+
+    def drawn(self, frame: int) -> RenderInput:
+        """What is drawn in a frame: these, and what they have come apart into."""
         ...
 
     def placement(self, name: str | None) -> Placement:
@@ -113,12 +118,23 @@ class RecordedFootage:
         return self.recording.scene.camera
 
     def splats(self, frame: int) -> RenderInput:
-        """What is drawn in a frame."""
+        """The Gaussians of a frame."""
         return self.recording.splats(frame)
+
+    def drawn(self, frame: int) -> RenderInput:
+        """These, and grains of what has flowed."""
+        return self.drawn_frames.splats(frame)
+
+    @cached_property
+    def drawn_frames(self) -> DrawnFrames:
+        """Its frames as they are drawn."""
+        return DrawnFrames(self.recording)
 
     def subject(self, frame: int) -> RenderInput:
         """What moves, and what stands still beside it, but for a backdrop."""
-        return self.recording.splats(frame).select(self.in_subject)
+        drawn = self.drawn(frame)
+        grains = np.ones(len(drawn) - len(self.in_subject), dtype=bool)
+        return drawn.select(np.concatenate([self.in_subject, grains]))
 
     def positions(self, frame: int) -> Array:
         """Means of the subject: first vertices of the moved simplices, and those that never move."""
@@ -175,6 +191,10 @@ class Still:
         """All there is."""
         return RenderInput.of(self._placed.gaussians)
 
+    def drawn(self, frame: int) -> RenderInput:
+        """All there is."""
+        return self.splats(frame)
+
     def subject(self, frame: int) -> RenderInput:
         """What does not float apart from the rest."""
         return RenderInput.of(self._placed.gaussians).select(~self._placed.floating)
@@ -222,6 +242,10 @@ class SceneFootage:
     def splats(self, frame: int) -> RenderInput:
         """All objects."""
         return RenderInput.of(self._gaussians)
+
+    def drawn(self, frame: int) -> RenderInput:
+        """All objects."""
+        return self.splats(frame)
 
     def subject(self, frame: int) -> RenderInput:
         """What will move, and what stands still beside it, but for a backdrop."""

@@ -54,7 +54,7 @@ class FramePainter:
 
     def paint(self, frame: int, camera: Camera) -> Array:
         """A frame as bytes: (H, W, 3) uint8, (H, W, 4) with straight alpha where the background is transparent."""
-        picture = self._picture(self._footage.splats(frame), camera, frame / self._footage.frame_rate)
+        picture = self._picture(self._footage.drawn(frame), camera, frame / self._footage.frame_rate)
         if self._background is not None:
             return to_bytes(picture.over(np.asarray(self._background)))
         alpha = picture.alpha[:, :, None]

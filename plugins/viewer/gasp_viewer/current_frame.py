@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import GaspError, RenderingError
 from gasp_core.games import choose_vertices, to_simplices
 from gasp_core.gaussians import Gaussians
+from gasp_core.recording.drawn import Drawn
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import Footage, RecordedFootage
 
@@ -34,8 +35,15 @@ class Moment:
 
     @cached_property
     def splats(self) -> RenderInput:
-        """What is drawn, N Gaussians."""
+        """The N Gaussians, in every frame the same ones."""
         return self._footage.splats(self.frame)
+
+    @cached_property
+    def drawn(self) -> Drawn:
+        """These, and grains of what has flowed."""
+        if isinstance(self._footage, RecordedFootage):
+            return self._footage.drawn_frames.at(self.frame)
+        return Drawn(splats=self.splats, sources=np.arange(len(self.splats)))
 
     @cached_property
     def simplices(self) -> list[Array]:

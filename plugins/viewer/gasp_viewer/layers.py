@@ -80,15 +80,26 @@ class Layer(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GaussianLayer:
-    """The Gaussians themselves."""
+    """The Gaussians themselves, and grains of what has flowed.
+
+    Parameters
+    ----------
+    room
+        For so many grains there are rows in every frame, which are nothing where there are fewer: the page draws as
+        many Gaussians from the first frame to the last.
+    """
 
     elements: Elements
     stage: Stage
+    room: int
     note: str = ""
 
     def pack(self, moment: Moment, colours: Array) -> PackedSplats:
         """All of them."""
-        return pack_splats(moment.splats, colours, self.stage)
+        drawn = moment.drawn
+        packed = pack_splats(drawn.splats, colours[drawn.sources], self.stage)
+        missing = len(self.elements.gaussians) + self.room - len(packed.buffer)
+        return PackedSplats(buffer=np.pad(packed.buffer, ((0, missing), (0, 0)))) if missing else packed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,7 +201,8 @@ def layers_of(footage: Footage, stage: Stage, frame: int = 0) -> dict[str, Layer
     """The layers a footage has, by name, the first to be shown first; learnt from a frame that is not damaged."""
     start = Moment(footage, frame)
     drawn = _drawn(footage, len(start.splats))
-    layers: dict[str, Layer] = {"gaussians": GaussianLayer(elements=drawn, stage=stage)}
+    room = footage.drawn_frames.most_grains if isinstance(footage, RecordedFootage) else 0
+    layers: dict[str, Layer] = {"gaussians": GaussianLayer(elements=drawn, stage=stage, room=room)}
     layers["triangles"] = _faces(footage, start, drawn, stage)
     if isinstance(footage, RecordedFootage):
         layers["points"] = _engine_points(footage, stage)
