@@ -18,6 +18,7 @@ __all__ = [
     "CROWDING_DECAY",
     "CROWDING_TOLERANCE",
     "FLUID_SUBGRID_DECAY",
+    "FLUID_VOLUME_RATIOS",
     "SUBGRID_DECAY",
     "WALL_FADE",
     "WALL_REACH",
@@ -61,6 +62,14 @@ CROWDING_DECAY = 0.05
 
 CROWDING_TOLERANCE = 0.15
 """Points that lie at random are up to this much too many in a quarter of all places."""
+
+FLUID_VOLUME_RATIOS = (0.5, 10.0)
+"""Within which a fluid's volume ratio J is kept.
+
+At half its volume a fluid presses with 18 K, which stops what comes at four times its speed of sound. Below that there
+is no liquid left, but there are points of next to no mass, cut off a body by its surface: nodes that they alone belong
+to throw them about, their J becomes .2 and less, and as J^-8 the step of everybody a three hundredth.
+"""
 
 WALL_FADE = 2.565
 """Per cell. What the grid sees of matter that fills a half space is 1 / (1 + exp(-fade d)) of what it sees inside, to

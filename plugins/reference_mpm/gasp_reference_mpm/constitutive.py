@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.stepping.flow import FLUID_VOLUME_RATIOS
+
 __all__ = [
     "drucker_prager_projection",
     "fixed_corotated_stress",
@@ -37,7 +39,6 @@ _SMALLEST_VOLUME_RATIO = 0.05
 """Below it ln J is held, so that a point pressed flat or turned inside out is pushed back by a finite force."""
 _SMALLEST_STRETCH = 1e-4
 """Floor of a principal stretch under a logarithm."""
-_FLUID_VOLUME_RATIOS = (0.1, 10.0)
 
 
 def _transposed(matrices: Array) -> Array:
@@ -274,7 +275,7 @@ def fluid_deformation(deformation: Array, dilation: Array) -> Array:
         dt tr L.
     """
     volume_ratio = deformation[:, 0, 0] ** 3 * (1 + dilation)
-    return np.cbrt(np.clip(volume_ratio, *_FLUID_VOLUME_RATIOS))[:, None, None] * _IDENTITY
+    return np.cbrt(np.clip(volume_ratio, *FLUID_VOLUME_RATIOS))[:, None, None] * _IDENTITY
 
 
 def fluid_stress(deformation: Array, velocity_gradient: Array, bulk_modulus: float, viscosity: float) -> Array:

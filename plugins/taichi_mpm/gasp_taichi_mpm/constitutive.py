@@ -11,6 +11,7 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.flow import FLUID_VOLUME_RATIOS
 from gasp_core.stepping.shock import SHOCK_VISCOSITY
 from gasp_taichi_mpm.decompositions import cofactors, determinant_with, proper_frames, rotation_of, singular_columns
 from gasp_taichi_mpm.runtime import taichi as ti
@@ -137,7 +138,7 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
         spread = L.trace()
         if ti.static(advance):
             s = s + dt * spread * (1 + s)
-            s = ti.min(ti.max(s, -real(0.9)), real(9.0))
+            s = ti.min(ti.max(s, real(FLUID_VOLUME_RATIOS[0] - 1)), real(FLUID_VOLUME_RATIOS[1] - 1))
         J = 1 + s
         J2 = J * J
         J7 = J2 * J2 * J2 * J

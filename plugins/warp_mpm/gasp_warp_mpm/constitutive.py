@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 from gasp_mpm_host import layout as at
 
+from gasp_core.stepping.flow import FLUID_VOLUME_RATIOS
 from gasp_core.stepping.shock import SHOCK_VISCOSITY
 from gasp_warp_mpm.decompositions import algebra, make_decompositions
 
@@ -43,7 +44,7 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
     shock_viscosity = real(4 * SHOCK_VISCOSITY)
     unit = mat33(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     smallest_volume, smallest_stretch, tiny = real(0.05), real(at.SMALLEST_STRETCH), real(1e-30)
-    lowest, highest = real(-0.9), real(9.0)
+    lowest, highest = (real(ratio - 1) for ratio in FLUID_VOLUME_RATIOS)
     countable, least_countable = wp.float64(1e-3), wp.float64(1e-12)
     zero_d, one_d = wp.float64(0.0), wp.float64(1.0)
     # Equivalent plastic strain per slip of the deviator.
