@@ -147,8 +147,7 @@ def _as_gaussians(flowed: list[FlowedMatter], coefficients: int) -> Gaussians:
     return Gaussians(
         means=means,
         quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1)),
-        scales=np.repeat([matter.scale for matter in flowed], [len(matter.means) for matter in flowed])[:, None]
-        * np.ones(3),
+        scales=np.repeat(np.concatenate([matter.scales for matter in flowed])[:, None], 3, axis=1),
         opacities=np.concatenate([matter.opacities for matter in flowed]),
         harmonics=harmonics,
     )

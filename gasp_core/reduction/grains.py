@@ -37,6 +37,12 @@ point shows as a lump.
 """
 _OPACITY = 0.95
 """Of a grain of matter that has flowed: two of them hide what is behind."""
+_BESIDE = 4
+"""Points that one has beside it at the same distance in a film one point thick; in a body there are six."""
+_APART, _WIDER = (1.0, 2.0, 4.0), (1.0, 2.0, 1.0)
+"""Distances of points to the last of these, and how much wider grains are then than at rest: a film that is thinner
+than its points are apart has no holes yet, but drops that fly by themselves stay drops.
+"""
 _CELL = 2.0
 """Distances of points that a cell of matter is long: eight points fill it."""
 _FULL = 4
@@ -64,8 +70,8 @@ class FlowedMatter:
         Their constant coefficients in the 3DGS basis.
     sources : (G,)
         Of each grain, the Gaussian whose colour it has.
-    scale
-        Their standard deviation [m].
+    scales : (G,) [m]
+        Their standard deviations.
     """
 
     left: Array
@@ -73,7 +79,7 @@ class FlowedMatter:
     opacities: Array
     colours: Array
     sources: Array
-    scale: float
+    scales: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +97,7 @@ class Grains:
     colours : (P, 3) float32
         Constant coefficients.
     scale
-        Standard deviation of a grain [m].
+        Standard deviation of a grain where points are as close as at rest [m].
     """
 
     carrier: PointFrames
@@ -115,13 +121,14 @@ class Grains:
         left[carrier.order] = 1 - share[carrier.labels].max(axis=1)
         chosen = np.flatnonzero((share > 0) & ~buried(positions, _CELL * carrier.spacing))
         count = self.offsets.shape[1]
+        wider = _widening(positions, chosen, carrier.spacing)
         return FlowedMatter(
             left=left,
-            means=(positions[chosen, None] + self.offsets[chosen]).reshape(-1, 3),
+            means=(positions[chosen, None] + wider[:, None, None] * self.offsets[chosen]).reshape(-1, 3),
             opacities=np.repeat(_OPACITY * share[chosen], count),
             colours=np.repeat(self.colours[chosen], count, axis=0),
             sources=np.repeat(carrier.standing_for[chosen], count),
-            scale=self.scale,
+            scales=self.scale * np.repeat(wider, count),
         )
 
 
@@ -203,6 +210,20 @@ def buried(positions: Array, spacing: float) -> Array:
         beside = np.minimum(np.searchsorted(keys, keys + stride), len(keys) - 1)
         deep &= (keys[beside] == keys + stride) & full[beside]
     return deep[of_point]
+
+
+def _widening(positions: Array, chosen: Array, spacing: float) -> Array:
+    """How much wider the grains of the chosen points (C,) are than at rest, (C,)."""
+    from scipy.spatial import KDTree
+
+    from gasp_core.stepping.threads import processors
+
+    if len(positions) <= _BESIDE or not len(chosen):
+        return np.ones(len(chosen))
+    tree: Any = KDTree(positions)
+    # The first is the point itself.
+    distances = tree.query(positions[chosen], [_BESIDE + 1], workers=processors())[0][:, 0]
+    return np.interp(distances / spacing, _APART, _WIDER)
 
 
 def _apart(positions: Array, neighbours: Array) -> Array:

@@ -147,11 +147,26 @@ def test_what_does_not_flow_or_is_not_filled_has_no_grains(torn, material, mode)
     assert len(DrawnFrames(recording).splats(1)) == len(recording.reference)
 
 
+def test_a_film_thinner_than_its_points_has_no_holes_and_drops_stay_drops(body):
+    grains = grains_of(body.carrier, body.block.local, 1)
+    count, spacing = len(body.carrier.points), body.carrier.spacing
+    side = int(np.ceil(np.sqrt(count)))
+    lattice = np.stack([np.arange(count) % side, np.arange(count) // side, np.zeros(count)], axis=1)
+    order = np.random.default_rng(0).permutation(count)
+    inside = ((lattice > 1) & (lattice < side - 3)).all(axis=1, where=[True, True, False])
+    for pitch, wider in ((1.0, 1.0), (1.5, 1.5), (2.0, 2.0), (8.0, 1.0)):
+        flowed = grains.at(pitch * spacing * lattice[order])
+        assert len(flowed.scales) == count
+        np.testing.assert_allclose(flowed.scales[inside[order]], wider * grains.scale)
+
+
 def test_grains_of_sand_are_finer_than_points_and_scatter_about_them(body):
     far = stretched(body.carrier, 4.0)
     grains = grains_of(body.carrier, body.block.local, 8)
     assert grains.scale == pytest.approx(grains_of(body.carrier, body.block.local, 1).scale / 2)
-    spread = grains.at(far).means.reshape(-1, 8, 3) - far[:, None]
+    flowed = grains.at(far)
+    wider = (flowed.scales / grains.scale).reshape(-1, 8, 1)
+    spread = (flowed.means.reshape(-1, 8, 3) - far[:, None]) / wider
     assert np.sqrt((spread**2).mean()) == pytest.approx(0.45 * body.carrier.spacing, rel=0.02)
 
 
