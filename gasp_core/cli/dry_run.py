@@ -70,7 +70,8 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
         "disk": f"{found.disk / 1e6:,.3g} MB",
         "time": f"{duration(found.seconds)}: {duration(found.start_seconds)} to begin,"
         f" {duration(found.engine_seconds)} of substeps, {duration(found.frame_seconds)} for {found.frames:,}"
-        f" frames{film}",
+        f" frames{film}"
+        f"{', which takes this again where things go elsewhere than they would fly' if filmed else ''}",
         "": f"between {duration(found.seconds / EITHER_WAY)} and {duration(found.seconds * EITHER_WAY)} probably"
         f"{beyond}",
     }

@@ -193,8 +193,11 @@ def check_supported(
     able = sorted(
         {other.name for other in others if other.name != descriptor.name and not unmet(missing, other.capabilities)}
     )
-    engines = f"engines that do: {', '.join(able)}" if able else "no other installed engine does"
-    raise UnsupportedSceneError(f"{descriptor.name} {' and '.join(refusals)}; {engines}{_choices(missing, descriptor)}")
+    own = _choices(missing, descriptor)
+    others_do = f"engines that do: {', '.join(able)}" if able else "" if own else "no other installed engine does"
+    raise UnsupportedSceneError(
+        "; ".join([f"{descriptor.name} {' and '.join(refusals)}", *filter(None, (own, others_do))])
+    )
 
 
 def _as_named(material: Material) -> str:
@@ -225,7 +228,7 @@ def _choices(missing: Sequence[Need], descriptor: EngineDescriptor) -> str:
     lacking = {need.capability for need in missing}
     can = descriptor.capabilities
     if lacking == {"devices"}:
-        return f"; or choose device {' or '.join(can.devices)}"
+        return f"choose device {' or '.join(can.devices)}"
     if lacking == {"precisions"}:
-        return f"; or choose precision {' or '.join(precision.value for precision in can.precisions)}"
+        return f"choose precision {' or '.join(precision.value for precision in can.precisions)}"
     return ""

@@ -56,8 +56,8 @@ def render(
         Width and height of a picture.
     camera
         A named view ("three-quarter", "front", "right", "back", "left", "top"), "cameras.json:3",
-        "transforms.json:NAME", or a `CameraChoice`. None: the scene's, else three-quarter. Named views have all that
-        moves in the picture.
+        "transforms.json:NAME", a .toml with a ``[camera]``, or a `CameraChoice`. None: the scene's, else three-quarter.
+        Named views have all that moves in the picture.
     frames
         Numbers of the frames to show; None: all.
     turntable

@@ -14,6 +14,7 @@ from gasp_core.rendering.contract import SplatRenderer
 from gasp_core.rendering.fitting import Subject, fitted, moving_cameras
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion, frame_motion
+from gasp_core.scene.loading import load_camera
 from gasp_core.scene.settings import VIEWS, CameraChoice
 
 __all__ = ["cameras_for", "read_choice"]
@@ -25,19 +26,25 @@ _SMOOTHED = 0.2
 
 
 def read_choice(text: str) -> CameraChoice:
-    """What ``--camera`` names: one of `VIEWS`, or a camera file, a colon and which of its cameras.
+    """What ``--camera`` names: one of `VIEWS`, a .toml with a ``[camera]``, or a camera file, a colon and which of its
+    cameras.
 
     Raises
     ------
     RenderingError
-        Where it is neither.
+        Where it is none of them.
+    SceneError
+        Where a .toml has no camera, or an impossible one.
     """
     if text in VIEWS:
         return CameraChoice(view=text)
+    if text.endswith(".toml"):
+        return load_camera(text)
     file, _, view = text.rpartition(":") if ".json:" in text else (text, "", "0")
     if not file.endswith(".json"):
         raise RenderingError(
-            f'no view "{text}": choose one of {", ".join(VIEWS)}, or name a file: cameras.json:3, transforms.json'
+            f'no view "{text}": choose one of {", ".join(VIEWS)}, or name a file: cameras.json:3, transforms.json,'
+            " camera.toml"
         )
     return CameraChoice(file=Path(file), view=int(view) if view.isdigit() else view)
 

@@ -39,7 +39,7 @@ from gasp_core.scene.tables import StoredTable, Table, kind_of
 from gasp_core.scene.writing import MEMORY
 from gasp_core.solid.options import SolidOptions
 
-__all__ = ["load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
+__all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
 _LONGEST_SCENE = 1 << 20
@@ -74,9 +74,28 @@ def load_scene(path: str | Path, changes: Sequence[str] = ()) -> Scene:
         splat that is not there. The message names file and key.
     """
     path = Path(path)
+    return read_scene(_text_of(path), file=str(path), folder=path.parent, changes=changes)
+
+
+def load_camera(path: str | Path) -> CameraChoice:
+    """The camera of a scene file, or of a file that has nothing but a `[camera]`.
+
+    Raises
+    ------
+    SceneError
+        Where it cannot be read, has no camera, or one that is impossible.
+    """
+    path = Path(path)
+    top = Table(str(path), "", _tables(_text_of(path), str(path)))
+    top.only(*_TOP)
+    top.required("camera", "a table [camera]")
+    return _read_camera(top.table("camera"), path.parent)
+
+
+def _text_of(path: Path) -> str:
     name = shown(path)
     try:
-        text = read_text(path, _LONGEST_SCENE)
+        return read_text(path, _LONGEST_SCENE)
     except FileNotFoundError:
         raise SceneError(f"{name}: no such scene file") from None
     except UnicodeDecodeError:
@@ -85,7 +104,6 @@ def load_scene(path: str | Path, changes: Sequence[str] = ()) -> Scene:
         raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
         raise SceneError(f"{name}: is no scene file: {error}") from None
-    return read_scene(text, file=str(path), folder=path.parent, changes=changes)
 
 
 def read_scene(text: str, *, file: str, folder: Path | None, changes: Sequence[str] = ()) -> Scene:

@@ -197,7 +197,7 @@ class CameraChoice:
 
     def __post_init__(self) -> None:
         if (self.position is None) != (self.target is None):
-            raise SceneError("CameraChoice.position and target belong together: give both")
+            raise SceneError("CameraChoice.target belongs to position: give both")
         if isinstance(self.file, str):
             object.__setattr__(self, "file", Path(self.file))
         object.__setattr__(self, "path", tuple(self.path))

@@ -178,3 +178,24 @@ def test_without_a_renderer_it_says_what_to_install(run, refused, monkeypatch):
     registry.discover.cache_clear()
     refused("render", "scene.gasp", says=["no renderer is installed: pip install gasp-renderer"])
     refused("run", "scene.toml", "--out", "b.gasp", "--render", "a.mp4", says=["pip install gasp-renderer"])
+
+
+@needs_renderer
+def test_a_camera_in_a_file_of_its_own(gasp, refused, run, workplace):
+    camera = workplace / "camera.toml"
+    camera.write_text("[camera]\nposition = [1, 1, 1]\ntarget = [0, 0, 0.2]\n")
+    assert gasp("render", run, "-o", "a.png", "--frame", 1, "--size", 48, "--camera", "camera.toml").status == 0
+    said = ["--from", 1, 1, 1, "--to", 0, 0, 0.2]
+    assert gasp("render", run, "-o", "b.png", "--frame", 1, "--size", 48, *said).status == 0
+    assert np.array_equal(np.asarray(Image.open("a.png")), np.asarray(Image.open("b.png")))
+    camera.write_text("[camera]\nposition = [1, 1, 1]\n")
+    refused(
+        "render",
+        "scene.gasp",
+        "--camera",
+        "camera.toml",
+        says=["camera.toml: camera.target: belongs to position: give both"],
+    )
+    camera.write_text("[scene]\nduration = 1\n")
+    refused("render", "scene.gasp", "--camera", "camera.toml", says=["camera.toml: camera: missing"])
+    refused("render", "scene.gasp", "--camera", "none.toml", says=["none.toml: no such scene file"])

@@ -207,9 +207,12 @@ def test_a_material_with_a_name_is_called_by_it():
 
 
 def test_what_only_the_asked_device_lacks_offers_the_engines_own():
-    with pytest.raises(UnsupportedSceneError, match=r"or choose device cpu$"):
+    with pytest.raises(UnsupportedSceneError, match=r'does not run on device "cuda"; choose device cpu$'):
         check_supported(problem(), engine(devices=("cpu",)), device="cuda")
-    with pytest.raises(UnsupportedSceneError, match=r"or choose precision float32$"):
+    other = engine("other", devices=("cuda",))
+    with pytest.raises(UnsupportedSceneError, match=r"; choose device cpu; engines that do: other$"):
+        check_supported(problem(), engine(devices=("cpu",)), device="cuda", others=[other])
+    with pytest.raises(UnsupportedSceneError, match=r"; choose precision float32$"):
         check_supported(problem(), engine(precisions=(Precision.FLOAT32,)), precision=Precision.FLOAT64)
 
 

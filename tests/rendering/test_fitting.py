@@ -172,7 +172,7 @@ def test_a_path_goes_through_its_viewpoints_without_going_beyond_them(cameras_of
     [
         ({"view": "sideways"}, "view must be one of three-quarter, front"),
         ({"view": 3}, "view must be one of three-quarter, front"),
-        ({"position": (0, 0, 0)}, "position and target belong together"),
+        ({"position": (0, 0, 0)}, "target belongs to position"),
         ({"position": (0, 0, 0), "target": (1, 0, 0), "file": "cameras.json"}, "file contradicts position"),
         ({"position": (0, 0, 0), "target": (1, 0, 0), "follow": True}, "follow has no meaning with position"),
         ({"file": "cameras.json", "turns": 1.0}, "turns has no meaning with file"),

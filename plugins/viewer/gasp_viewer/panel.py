@@ -19,6 +19,7 @@ __all__ = ["Panel", "body_legend", "facts_table", "scale_legend"]
 Triple = tuple[float, float, float]
 
 _SPEEDS = (0.1, 4.0)
+_NO_SHOTS = "Views that are kept at several frames become the path of a film's camera."
 
 
 class Panel:
@@ -38,6 +39,8 @@ class Panel:
         Whether there is anything to play.
     wake
         Called when a control was changed.
+    keep
+        Called with the camera of whoever keeps his view, or with None to begin anew; gives the text of what is kept.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class Panel:
         notes: Sequence[str],
         is_film: bool,
         wake: Callable[[], None],
+        keep: Callable[[viser.CameraHandle | None], str],
     ) -> None:
         gui = server.gui
         self._names = {title: name for name, title in layers.items()}
@@ -70,6 +74,10 @@ class Panel:
         self._legend = gui.add_html("", visible=False)
         reset = gui.add_button("Reset view", icon=viser.Icon.HOME_MOVE)
         self._facts = gui.add_html("")
+        with gui.add_folder("Camera of a film", expand_by_default=False):
+            keeps = gui.add_button("Keep this view", icon=viser.Icon.CAMERA_PLUS)
+            anew = gui.add_button("Begin anew")
+            self._shots = gui.add_html(_block(_NO_SHOTS))
         if notes:
             with gui.add_folder("Notes", expand_by_default=False):
                 gui.add_html(_block("".join(f"<p>{escape(note)}</p>" for note in notes)))
@@ -91,11 +99,18 @@ class Panel:
             "colouring": self._colouring,
         }
         """What the user sets, by name."""
-        self.texts = {"message": self._message, "legend": self._legend, "facts": self._facts}
+        self.texts = {"message": self._message, "legend": self._legend, "facts": self._facts, "camera": self._shots}
         """What the user reads, by name."""
         for control in self.controls.values():
             control.on_update(change)
         reset.on_click(self._reset)
+
+        def keep_view(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+            if event.client is not None:
+                self.set_shots(keep(event.client.camera))
+
+        keeps.on_click(keep_view)
+        anew.on_click(lambda _: self.set_shots(keep(None)))
         self._eye: Triple = (1.0, 1.0, 1.0)
         self._target: Triple = (0.0, 0.0, 0.0)
 
@@ -184,6 +199,12 @@ class Panel:
         """Show what is wrong; nothing where nothing is."""
         style = "background:#fff4e5;color:#663c00;border-left:4px solid #ed6c02;padding:.5em .7em"
         _fill(self._message, _block(f'<div role="alert" style="{style}">{escape(message)}</div>') if message else "")
+
+    def set_shots(self, text: str) -> None:
+        """Show the camera that has been kept, to be copied."""
+        style = "white-space:pre-wrap;user-select:all;margin:0;font-size:.7rem"
+        hint = "<p>For the scene file; or as camera.toml for gasp render --camera camera.toml</p>"
+        _fill(self._shots, _block(f'<pre style="{style}">{escape(text)}</pre>{hint}' if text else _NO_SHOTS))
 
     def set_view(self, eye: Triple, target: Triple) -> None:
         """Where "Reset view" brings the camera back to, on the stage."""

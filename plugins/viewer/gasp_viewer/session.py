@@ -26,6 +26,7 @@ from gasp_viewer.panel import Panel, body_legend, scale_legend
 from gasp_viewer.playback import Film, Playhead, advanced, pressed, sought
 from gasp_viewer.run_updates import FileNews, News, RunNews, Source, figure
 from gasp_viewer.scenery import add_scenery, grid_cell
+from gasp_viewer.shots import Shots
 
 __all__ = ["POLL", "Exhibit", "Session", "wait_for_frame"]
 
@@ -118,6 +119,7 @@ class Session:
         self._exhibit = exhibit
         self._server = server
         self._wake = threading.Event()
+        self._shots = Shots()
         footage = exhibit.footage
         is_run = isinstance(footage, RecordedFootage)
         self._movers = add_scenery(server.scene, footage.colliders, exhibit.stage)
@@ -128,6 +130,7 @@ class Session:
             notes=footage.recording.notes if is_run else (),
             is_film=is_run,
             wake=self._wake.set,
+            keep=self.keep_view,
         )
         self.panel.choose(layer, colouring)
         self._display = Display(server)
@@ -233,6 +236,16 @@ class Session:
         camera.position, camera.look_at = stage.place(view.eye), stage.place(view.target)
         camera.up, camera.fov = np.array([0.0, 0.0, 1.0]), view.field_of_view
         self.panel.set_view(_triple(camera.position), _triple(camera.look_at))
+
+    def keep_view(self, camera: viser.CameraHandle | None) -> str:
+        """Keep where a camera stands at the frame that is shown, None: forget all; what is kept, as a scene has it."""
+        if camera is None:
+            self._shots = Shots()
+        else:
+            time = self._head.frame / self._exhibit.footage.frame_rate
+            position, target = (_triple(self._exhibit.stage.world(at)) for at in (camera.position, camera.look_at))
+            self._shots = self._shots.kept(time, position, target, float(np.degrees(camera.fov)))
+        return self._shots.to_toml()
 
     def camera_moved(self, position: Array) -> None:
         """A browser's camera stands here now, (3,) on the stage; from any thread."""

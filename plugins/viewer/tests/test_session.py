@@ -292,3 +292,21 @@ def test_a_scene_is_shown_as_it_begins(watch, tmp_path, toy):
         viewing.until(lambda shown=viewing: shown.session.picture is not None)
         assert viewing.text("message") == ""
     assert open_footage(tmp_path / "scene.toml").positions(0)[:, 2].min() > 0.15
+
+
+def test_views_are_kept_in_the_world_at_the_time_of_the_film(watch, toy_run):
+    viewing = watch(toy_run)
+    session, stage = viewing.session, Exhibit(open_footage(toy_run)).stage
+
+    def camera(place):
+        return type(
+            "Camera", (), {"position": stage.place(place), "look_at": stage.place((0, 0, 0.1)), "fov": np.pi / 4}
+        )
+
+    session.panel.set_shots(session.keep_view(camera((1, -2, 0.5))))
+    assert "position = [1, -2, 0.5]" in viewing.text("camera") and "field_of_view = 45" in viewing.text("camera")
+    viewing.panel.controls["frame"].value = 5
+    viewing.until(lambda: session.head.frame == 5)
+    text = session.keep_view(camera((3, 0, 0.5)))
+    assert "time = 0, position = [1, -2, 0.5]" in text and "time = 0.2, position = [3, 0, 0.5]" in text
+    assert session.keep_view(None) == ""
