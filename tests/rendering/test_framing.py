@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gasp_core.errors import RenderingError
-from gasp_core.rendering.footage import RecordedFootage, Still
+from gasp_core.rendering.footage import RecordedFootage, open_footage
 from gasp_core.rendering.framing import Motion, frame_motion, motion_of
 from gasp_core.scene.settings import VIEWS
 
@@ -109,7 +109,7 @@ def test_one_far_floater_does_not_make_the_rest_small():
 
 
 def test_a_splat_file_stands_upright(data):
-    still = Still(data / "splats" / "plant.splat")
+    still = open_footage(data / "splats" / "plant.splat")
     extent = np.ptp(motion_of(still).points, axis=0)
     # MANIFEST.md: y down, and a plant in its pot is taller than wide.
     assert extent[2] > 1.5 * extent[0] and extent[2] > 1.5 * extent[1]

@@ -12,7 +12,7 @@ from gasp_core.gaussians import rotation_matrices
 from gasp_core.reduction.assembly import matter_turns, moved_gaussians
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera_files import placed
-from gasp_core.rendering.footage import Still
+from gasp_core.rendering.footage import open_footage
 from gasp_core.rendering.framing import frame_motion, motion_of
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.scene.placement import Placement
@@ -38,7 +38,7 @@ def prepared(skull):
 
 @pytest.fixture(scope="module")
 def camera(skull):
-    return frame_motion(motion_of(Still(skull)), width=256, height=256, around=35, above=18)
+    return frame_motion(motion_of(open_footage(skull)), width=256, height=256, around=35, above=18)
 
 
 def moved_as_one(prepared, rotation):
@@ -77,7 +77,7 @@ def test_the_first_frame_of_a_run_looks_as_its_file_does(data, name):
     jelly = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
     item = SplatObject(name="it", splat=data / "splats" / name, material=jelly)
     run = simulate(Scene(duration=1, frame_rate=1, objects=(item,)), frames=1, progress=False)
-    still = Still(data / "splats" / name)
+    still = open_footage(data / "splats" / name)
     camera = frame_motion(motion_of(still), width=256, height=256, around=35, above=18)
     renderer = open_renderer()
     alike = psnr(over_white(renderer, still.splats(0), camera), over_white(renderer, run.splats(0), camera))

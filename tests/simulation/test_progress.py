@@ -59,7 +59,7 @@ def test_an_engine_that_says_nothing_between_frames_is_where_its_last_frame_is(c
 
 
 def test_a_log_gets_lines_and_a_library_none(monkeypatch, capfd):
-    monkeypatch.setattr(progress, "_PAUSE", 0.05)
+    monkeypatch.setattr(progress._Lines, "pause", 0.05)
     with progress.progress_for(None, 5) as shown:
         time.sleep(0.2)
     assert type(shown) is progress.Progress and capfd.readouterr().err == ""
