@@ -4,8 +4,8 @@
 
 The examples sand and water, and captures poured on a floor; each at its last frame, from above and from the side. Where
 material points lie close enough to hide what is behind them, the picture has to be opaque. BARE is the share of these
-pixels whose alpha is below .8; MORE how many Gaussians there are more with grains; TIME how long a picture takes then,
-over one of the splat's own Gaussians, median of five.
+pixels whose alpha is below .8, GRAINS the same with grains; MORE how many Gaussians there are more then; TIME how long
+a picture takes then, over one of the splat's own Gaussians, median of five.
 """
 
 import argparse

@@ -59,21 +59,17 @@ def new(
     SPLAT is looked at: which end is up, what floats around it. Its height and material no file knows: they are asked
     for, or guessed and said to be guesses. The scene file has a comment for every line.
     """
-    import numpy as np
-
     from gasp_core.io.atomic import replacing
     from gasp_core.io.detect import read
-    from gasp_core.scene.floaters import floating
     from gasp_core.scene.loading import read_scene
     from gasp_core.scene.presets import find_preset
-    from gasp_core.scene.standing import guess_up
+    from gasp_core.scene.standing import guess_up, standing_part
 
     path = out if out is not None else Path(f"{_stem(splat)}.toml")
     keep_what_is_there([path], overwrite)
     gaussians, _ = read(splat)
     asked = not yes and sys.stdin.isatty() and sys.stderr.isatty()
-    seen = gaussians.select(np.isfinite(gaussians.means).all(axis=1))
-    guessed_up, sure = guess_up(seen.select(~floating(seen.means)))
+    guessed_up, sure = guess_up(standing_part(gaussians))
     axis = up or guessed_up
     if asked and up is None:
         axis = click.prompt("Which axis of the file points up?", default=guessed_up, type=click.Choice(_AXES), err=True)

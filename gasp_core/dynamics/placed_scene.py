@@ -43,6 +43,13 @@ class PlacedScene:
     digests: tuple[str, ...]
     motions: Mapping[str, Played]
 
+    @property
+    def gaussians(self) -> Gaussians:
+        """All that is drawn, object by object."""
+        parts = [placed.gaussians for placed in self.objects]
+        names = [field.name for field in dataclasses.fields(Gaussians)]
+        return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
 
 def place_scene(scene: Scene) -> PlacedScene:
     """Read, select and place the splats of a scene.

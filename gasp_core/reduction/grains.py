@@ -119,7 +119,9 @@ class Grains:
         share = share * share * (3 - 2 * share)
         left = np.ones(len(carrier.order))
         left[carrier.order] = 1 - share[carrier.labels].max(axis=1)
-        chosen = np.flatnonzero((share > 0) & ~buried(positions, _CELL * carrier.spacing))
+        chosen = np.flatnonzero(share)
+        if len(chosen):
+            chosen = chosen[~buried(positions, _CELL * carrier.spacing)[chosen]]
         count = self.offsets.shape[1]
         wider = _widening(positions, chosen, carrier.spacing)
         return FlowedMatter(

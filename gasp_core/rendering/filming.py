@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from gasp_core.errors import RenderingError, SceneError
+from gasp_core.gaussians import Gaussians
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
-from gasp_core.rendering.footage import Footage, RecordedFootage, SceneFootage, open_footage
+from gasp_core.rendering.footage import Footage, open_footage
 from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
@@ -21,14 +22,14 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import UpAxis
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["film", "render"]
+__all__ = ["render"]
 
 _TURN = 100
 """Pictures of a turn around something that does not move."""
 
 
 def render(
-    run: Recording | Scene | str | Path,
+    run: Recording | Scene | Gaussians | str | Path,
     *outs: str | Path,
     size: tuple[int, int] = (1280, 720),
     camera: str | CameraChoice | None = None,
@@ -48,7 +49,7 @@ def render(
     Parameters
     ----------
     run
-        A recording, finished or not, or a scene, which is shown as it begins; or the path of one, or of a splat file.
+        A recording, finished or not; a scene, which is shown as it begins; a splat; or the path of one of these.
     outs
         ``film.mp4``, ``.webm``, ``.gif``, ``sheet.png`` (key frames; of one frame a plain picture), else a folder of
         pictures. Each frame is painted once for all of them.
@@ -69,7 +70,7 @@ def render(
     background
         A colour name, #rrggbb, or "transparent" (all but .mp4).
     up
-        A splat file's axis that points up.
+        A splat's axis that points up.
     renderer
         Name of an installed renderer; None: the default.
     progress
@@ -87,42 +88,8 @@ def render(
     """
     if not (math.isfinite(slower) and slower > 0):
         raise RenderingError(f"slower must be a number > 0, found {slower!r}")
-    if isinstance(run, Recording):
-        footage = RecordedFootage(run)
-    elif isinstance(run, Scene):
-        footage = SceneFootage(run, Path("scene"))
-    else:
-        footage = open_footage(run, up)
-    film(
-        footage,
-        *outs,
-        size=size,
-        camera=camera,
-        frames=frames,
-        turntable=turntable,
-        follow=follow,
-        rate=footage.frame_rate / slower,
-        background=background,
-        renderer=renderer,
-        progress=progress,
-    )
-
-
-def film(
-    footage: Footage,
-    *outs: str | Path,
-    size: tuple[int, int],
-    camera: str | CameraChoice | None = None,
-    frames: Sequence[int] | None = None,
-    turntable: bool = False,
-    follow: bool | None = None,
-    rate: float,
-    background: str = "white",
-    renderer: str | None = None,
-    progress: bool | None = None,
-) -> None:
-    """`render` of what is open already, with so many pictures a second, `rate`."""
     colour = parse_background(background)
+    footage = open_footage(run, up)
     choice = _choice(footage, read_choice(camera) if isinstance(camera, str) else camera, turntable, follow)
     count = footage.frame_count
     chosen = list(range(count) if frames is None else frames)
@@ -146,7 +113,7 @@ def film(
         width=width,
         height=height,
     )
-    title = footage.path.name
+    rate, title = footage.frame_rate / slower, footage.path.name
     outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
     painter = FramePainter(footage, painting, motion=motion, background=colour)
     with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -237,7 +236,7 @@ class SceneFootage:
         self.colliders = _by_formula(scene)
         self.camera = scene.camera
         self._placed: PlacedScene = place_scene(without_code(scene))
-        self._gaussians = _joined([one.gaussians for one in self._placed.objects])
+        self._gaussians = self._placed.gaussians
 
     def splats(self, frame: int) -> RenderInput:
         """All objects."""
@@ -272,13 +271,14 @@ class SceneFootage:
         raise SceneError(f'{self.path}: has no object "{name}"')
 
 
-def open_footage(path: str | Path, up: UpAxis = "-y") -> Footage:
+def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis = "-y") -> Footage:
     """A recording, a scene before its first step, or a splat file that is stood upright.
 
     Parameters
     ----------
-    path
-        A folder that gasp run wrote, a scene file (.toml), or a splat file (or folder, for unpacked .sog).
+    source
+        A folder that gasp run wrote, a scene file (.toml), or a splat file (or folder, for unpacked .sog); or what is
+        read from one of these.
     up
         A splat file's axis that points up.
 
@@ -287,7 +287,13 @@ def open_footage(path: str | Path, up: UpAxis = "-y") -> Footage:
     RecordingError, SceneError, SplatFormatError
         Where it is none of them, or damaged.
     """
-    path = Path(path)
+    if isinstance(source, Recording):
+        return RecordedFootage(source)
+    if isinstance(source, Scene):
+        return SceneFootage(source, Path("scene"))
+    if isinstance(source, Gaussians):
+        return Still(source, up, Path("gaussians"))
+    path = Path(source)
     if not path.exists():
         raise RecordingError(f"{path}: there is no such recording, scene or splat file")
     if path.suffix == ".gasp" or (path / "zarr.json").exists():
@@ -310,12 +316,6 @@ def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) 
         for rows, moves in zip(objects, moving):
             chosen[rows] = moves or _size(means[rows]) <= _BACKDROP * size
     return chosen
-
-
-def _joined(parts: Sequence[Gaussians]) -> Gaussians:
-    """All of them, their harmonics of one degree."""
-    names = [field.name for field in dataclasses.fields(Gaussians)]
-    return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def _size(means: Array) -> float:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
+from gasp_core.scene.floaters import floating
 from gasp_core.scene.objects import UpAxis
 from gasp_core.scene.placement import robust_box, upright
 
-__all__ = ["guess_up", "support_shares"]
+__all__ = ["guess_up", "standing_part", "support_shares"]
 
 Array = NDArray[Any]
 
@@ -30,13 +31,19 @@ _SEEN = 0.1
 """Opacity from which on a Gaussian counts."""
 
 
+def standing_part(gaussians: Gaussians) -> Gaussians:
+    """Those that are finite and do not float apart from the rest: what it can stand on."""
+    finite = gaussians.select(np.isfinite(gaussians.means).all(axis=1))
+    return finite.select(~floating(finite.means))
+
+
 def guess_up(gaussians: Gaussians, said: UpAxis | None = None) -> tuple[UpAxis, bool]:
     """The axis of a splat that probably points up: things stand on their widest end.
 
     Parameters
     ----------
     gaussians
-        Those that are finite and do not float, in the file's own frame; or, where `said` is given, as that axis has put
+        Its `standing_part`, in the file's own frame; or, where `said` is given, as that axis has put
         them, +z up.
     said
         The axis that was taken to be up.

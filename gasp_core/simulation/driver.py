@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import atexit
-import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -24,7 +23,6 @@ from gasp_core.contract.capabilities import check_supported
 from gasp_core.contract.options import build_options
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import RecordingError, SceneError
-from gasp_core.gaussians import Gaussians
 from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import Shown, progress_for
 from gasp_core.recording import Recording
@@ -35,7 +33,6 @@ from gasp_core.reduction.assembly import Assembly, Body
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
-from gasp_core.scene.selection import PlacedObject
 from gasp_core.simulation.engine_choice import ChosenEngine, choose_engine
 from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
 from gasp_core.simulation.recording_header import header_of
@@ -236,12 +233,6 @@ def _check_supported(
     return prepared
 
 
-def _drawn(objects: Sequence[PlacedObject]) -> Gaussians:
-    parts = [placed.gaussians for placed in objects]
-    names = [field.name for field in dataclasses.fields(Gaussians)]
-    return Gaussians(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
-
-
 def _opened(
     scene: Scene, assembly: Assembly, chosen: ChosenEngine, options: Any, restart: dict[str, Array]
 ) -> EngineSession:
@@ -262,7 +253,7 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
     return RecordingWriter.create(
         path,
         header,
-        reference=_drawn(prepared.objects),
+        reference=prepared.gaussians,
         moving=np.concatenate([placed.moving for placed in prepared.objects]),
         points=prepared.assembly.problem.points.reference_positions,
         carriers=[_kept(body) for body in prepared.assembly.bodies],

@@ -5,31 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gasp_core.dynamics.placed_scene import place_scene
+from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
 from gasp_core.reduction.assembly import Assembly, assemble
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene
-from gasp_core.scene.selection import PlacedObject
 
 __all__ = ["Prepared", "prepare"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
+class Prepared(PlacedScene):
     """A scene whose splats are read, placed and made into points.
 
     Parameters
     ----------
-    objects
-        In the order of the scene.
-    digests
-        SHA-256 of each object's source.
     assembly
         What the engine is given.
     """
 
-    objects: tuple[PlacedObject, ...]
-    digests: tuple[str, ...]
     assembly: Assembly
 
 
@@ -50,4 +43,4 @@ def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -
     """
     placed = place_scene(scene)
     assembly = assemble(scene, placed.objects, placed.motions, known)
-    return Prepared(objects=placed.objects, digests=placed.digests, assembly=assembly)
+    return Prepared(objects=placed.objects, digests=placed.digests, motions=placed.motions, assembly=assembly)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from gasp_viewer.painter import Eye
 
@@ -24,7 +23,7 @@ class Shots:
         Of the view that was kept last [degrees].
     """
 
-    views: Mapping[float, tuple[Eye, Eye]] = field(default_factory=lambda: MappingProxyType({}))
+    views: Mapping[float, tuple[Eye, Eye]] = field(default_factory=dict[float, tuple[Eye, Eye]])
     field_of_view: float = 40.0
 
     def kept(self, time: float, position: Eye, target: Eye, field_of_view: float) -> Shots:
