@@ -79,7 +79,7 @@ def measure(arguments: argparse.Namespace, cells: int, points: int) -> list[dict
     log = (arguments.out / "mpm_speed.log").open("a")
     for engine, python in pythons.items():
         for threads in arguments.threads:
-            shape = [str(cells), str(points), str(threads), arguments.precision, arguments.material]
+            shape = [str(cells), str(points), str(threads), arguments.precision, arguments.material, "cpu"]
             command = [python, str(HERE / "worker.py"), engine, *shape]
             process = subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log)
             runner = Runner(engine, threads, process)

@@ -1,6 +1,6 @@
 """Times one engine in a process of its own: opens it once, then takes bursts of substeps when it is told to.
 
-    python worker.py ENGINE CELLS POINTS THREADS PRECISION MATERIAL
+    python worker.py ENGINE CELLS POINTS THREADS PRECISION MATERIAL DEVICE
 
 Answers a line of JSON to every line on standard input: the number of substeps of the next burst, or the name of a file
 for the positions, in single precision. Whatever the engine prints goes to standard error.
@@ -19,19 +19,20 @@ from typing import Any
 import numpy as np
 from scene import DENSITY, GRAVITY, POISSONS_RATIO, STEP, YOUNGS_MODULUS, jittered_cube, velocities_of
 
-from gasp_core.engines.opening import open_engine
-
 Burst = Callable[[int], None]
 Read = Callable[[], Any]
 
 
-def open_genesis(cells: int, points: int, threads: int, precision: str, material: str) -> tuple[int, Burst, Read]:
+def open_genesis(
+    cells: int, points: int, threads: int, precision: str, material: str, device: str
+) -> tuple[int, Burst, Read]:
     """Genesis; its scenes are stepped by a fixed number of substeps, that of the first burst."""
     os.environ["QD_NUM_THREADS"] = str(threads)
     import genesis as gs
     import torch
 
-    gs.init(backend=gs.cpu, precision="32" if precision == "float32" else "64", logging_level="error", seed=0)
+    backend = gs.cpu if device == "cpu" else gs.cuda
+    gs.init(backend=backend, precision="32" if precision == "float32" else "64", logging_level="error", seed=0)
     positions = jittered_cube(points, cells)
     model = {"elastic": "corotation", "neo-hookean": "neohooken"}[material]
     scene: Any = None
@@ -58,12 +59,14 @@ def open_genesis(cells: int, points: int, threads: int, precision: str, material
             cube.set_particles_vel(torch.from_numpy(velocities_of(positions).astype(real)))
             cube.set_particles_active(torch.ones(len(positions), dtype=torch.bool))
         scene.step(update_visualizer=False)
+        if device != "cpu":
+            torch.cuda.synchronize()
 
-    return len(positions), burst, lambda: cube.get_particles_pos().numpy()
+    return len(positions), burst, lambda: cube.get_particles_pos().cpu().numpy()
 
 
 def open_ours(
-    engine: str, cells: int, points: int, threads: int, precision: str, material: str
+    engine: str, cells: int, points: int, threads: int, precision: str, material: str, device: str
 ) -> tuple[int, Burst, Read]:
     """An engine of GASP, with a floor, and all that guards a session."""
     from gasp_core.contract import (
@@ -78,6 +81,7 @@ def open_ours(
         Status,
     )
     from gasp_core.discovery.registry import discover
+    from gasp_core.engines.opening import open_engine
 
     registry = discover()
     options = registry.descriptor(engine).options
@@ -98,7 +102,7 @@ def open_ours(
     )
     session = open_engine(registry.offer(engine)).open(
         problem,
-        device="cpu",
+        device=device,
         precision=Precision(precision),
         seed=0,
         accuracy=EngineAccuracy(spacing=1 / cells, substep=STEP, substep_limit=10**6),
@@ -117,8 +121,8 @@ def main() -> None:
     # Engines print where they please; the answers go to the standard output that was.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
-    engine, cells, points, threads, precision, material = sys.argv[1:]
-    shape = (int(cells), int(points), int(threads), precision, material)
+    engine, cells, points, threads, precision, material, device = sys.argv[1:]
+    shape = (int(cells), int(points), int(threads), precision, material, device)
     begin = time.perf_counter()
     count, burst, read = open_genesis(*shape) if engine == "genesis" else open_ours(engine, *shape)
     for line in sys.stdin:

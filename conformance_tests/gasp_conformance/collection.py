@@ -11,7 +11,7 @@ import pytest
 
 from gasp_conformance.checks import MARK, Check, Level
 
-__all__ = ["SUITE", "Collected", "collected_checks", "is_complete", "summary_of"]
+__all__ = ["SUITE", "Collected", "collected_checks", "is_complete", "name_for_selection", "summary_of"]
 
 SUITE = "gasp_conformance"
 """The package the checks lie in."""
@@ -63,6 +63,12 @@ def is_complete(items: Iterable[pytest.Item]) -> bool:
     return all(
         f"{SUITE}.{module.name}" in modules for module in pkgutil.iter_modules(path) if module.name.startswith("test_")
     )
+
+
+def name_for_selection(checks: Iterable[Collected]) -> None:
+    """Have pytest's -k find checks by their names and levels."""
+    for one in checks:
+        one.item.extra_keyword_matches |= {one.name, one.check.level.value}
 
 
 def summary_of(one: Collected) -> str:

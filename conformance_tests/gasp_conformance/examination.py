@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gasp_conformance.checks import Level
-from gasp_conformance.collection import Collected, collected_checks, is_complete
+from gasp_conformance.collection import Collected, collected_checks, is_complete, name_for_selection
 from gasp_conformance.declarations import declared, unproven
 from gasp_conformance.deviations import FILE_NAME, Deviation
 from gasp_conformance.ledger import NOTE, Figure
@@ -92,6 +92,7 @@ class Examination:
         """Name the checks, put core first, leave out what a quick run leaves out, expect what is known to fail."""
         checks = collected_checks(items)
         self._complete = is_complete(items)
+        name_for_selection(checks)
         names = {one.name for one in checks}
         if self._complete:
             self._unknown = [name for name in self._deviations if name not in names]
@@ -99,7 +100,6 @@ class Examination:
         kept: list[Collected] = []
         for one in checks:
             one.item.stash[_COLLECTED] = one
-            one.item.extra_keyword_matches |= {one.name, one.check.level.value}
             self._expect(one)
             quick = self._report.extent is Extent.QUICK
             (left_out if quick and one.check.full else kept).append(one)

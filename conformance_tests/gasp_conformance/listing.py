@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
-from gasp_conformance.collection import Collected, collected_checks, summary_of
+from gasp_conformance.collection import Collected, collected_checks, name_for_selection, summary_of
 
 __all__ = ["Listing"]
 
@@ -15,9 +17,11 @@ class Listing:
     def __init__(self) -> None:
         self._checks: list[Collected] = []
 
-    @pytest.hookimpl(trylast=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Take every check away before it is run."""
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
+        """Have the checks selected by their names, then take every one away before it is run."""
+        name_for_selection(collected_checks(items))
+        yield
         self._checks = collected_checks(items)
         items.clear()
 

@@ -265,6 +265,13 @@ def test_the_list_names_checks_levels_and_what_they_are(site: Path, tmp_path: Pa
     assert not list(tmp_path.iterdir())
 
 
+def test_the_list_has_what_a_selection_would_run(site: Path, tmp_path: Path) -> None:
+    ran = command(site, tmp_path, "--list", "-k", "collider:plane")
+    assert ran.returncode == 0, ran.stderr
+    names = [line.split()[1] for line in ran.stdout.splitlines() if line.strip()]
+    assert names == ["collider:plane[outside]", "collider:plane[inside]"]
+
+
 def test_registering_the_command_imports_neither_pytest_nor_the_suite() -> None:
     code = """
     import sys

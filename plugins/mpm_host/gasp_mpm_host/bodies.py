@@ -21,10 +21,12 @@ from gasp_core.contract import ContactCondition, PointProblem
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import BLOCK, CellTables, blocks_in_reach, grid_box
 
-__all__ = ["Meetings", "bodies_of_columns", "meetings", "stands_for"]
+__all__ = ["NOWHERE", "Meetings", "alone", "bodies_of_columns", "home_boxes", "meetings", "stands_for"]
 
 Array = NDArray[Any]
 
+NOWHERE = 2**31 - 1
+"""Farther than any cell, which int32 holds."""
 _STEP = 2 * BLOCK
 _ROOM = 4
 """Steps left free between bodies, so that they may move a while before they have to be moved apart again."""
@@ -38,15 +40,29 @@ _CONDITIONS = {
 }
 
 
-def stands_for(home: Array, bodies: Array, stands: Array, margin: int = 0) -> Array:
+def home_boxes(home: Array, bodies: Array, count: int) -> Array:
+    """Lowest and highest of the home cells (N, 3) of each of `count` bodies, (count, 2, 3) int64.
+
+    `bodies` (N,) say whose the points are. Of a body without points the lowest is above the highest.
+    """
+    found = np.empty((count, 2, 3), dtype=np.int64)
+    found[:, 0], found[:, 1] = NOWHERE, -NOWHERE
+    if count == 1:
+        found[0] = home.min(axis=0), home.max(axis=0)
+        return found
+    for body in np.unique(bodies):
+        own = home[bodies == body]
+        found[body] = own.min(axis=0), own.max(axis=0)
+    return found
+
+
+def stands_for(boxes: Array, stands: Array, margin: int = 0) -> Array:
     """Stands (B, 3) int64 [cells] with which no body is in another's way: those they have, if these will do.
 
     Parameters
     ----------
-    home : (N, 3) int32
-        Cells the points are in, without their stands.
-    bodies : (N,)
-        Whose they are.
+    boxes : (B, 2, 3) int64
+        Lowest and highest of the cells that the points of each body are in, without their stands (`home_boxes`).
     stands : (B, 3) int64
         Those they have.
     margin
@@ -54,11 +70,10 @@ def stands_for(home: Array, bodies: Array, stands: Array, margin: int = 0) -> Ar
     """
     if len(stands) == 1:
         return stands
-    filled = np.unique(bodies)
+    filled = np.flatnonzero(boxes[:, 0, 0] <= boxes[:, 1, 0])
     lowest, shapes = np.empty((2, len(filled), 3), dtype=np.int64)
     for row, body in enumerate(filled):
-        own = home[bodies == body]
-        lowest[row], shapes[row] = grid_box(own.min(axis=0), own.max(axis=0), _NO_LIMIT, margin)
+        lowest[row], shapes[row] = grid_box(boxes[body, 0], boxes[body, 1], _NO_LIMIT, margin)
     packed = stands.copy()
     begin = lowest[0].copy()
     for row, body in enumerate(filled):
@@ -84,15 +99,15 @@ def _nodes(lowest: Array, shapes: Array) -> float:
     return float(np.prod((lowest + shapes).max(axis=0) - lowest.min(axis=0), dtype=np.float64))
 
 
-def bodies_of_columns(home: Array, bodies: Array, count: int, tables: CellTables, margin: int = 0) -> Array:
-    """Which of `count` bodies is in each of the X columns of blocks along x, (X,).
+def bodies_of_columns(boxes: Array, tables: CellTables, margin: int = 0) -> Array:
+    """Which body is in each of the X columns of blocks along x, (X,).
 
-    `home` (N, 3) are cells with the stands, `bodies` (N,) whose they are, `margin` the blocks kept free around them.
+    `boxes` (B, 2, 3) are those of the homes with the stands (`home_boxes`), `margin` the blocks kept free around them.
     """
     columns = np.zeros(int(tables.shape[0]) // BLOCK, dtype=np.int32)
-    if count > 1:
-        firsts = [int(home[bodies == body, 0].min(initial=np.iinfo(np.int32).max)) for body in range(count)]
-        for body in np.argsort(firsts):
+    if len(boxes) > 1:
+        firsts = boxes[:, 0, 0]
+        for body in np.argsort(firsts, kind="stable"):
             # A point may have drifted by a cell.
             begin = max(0, int((firsts[body] - 1 - tables.lower[0]) // BLOCK) - margin)
             columns[begin:] = body
@@ -134,11 +149,9 @@ class Meetings:
 
 def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array, tables: CellTables) -> Meetings:
     """Of points in the order of `tables`; `bodies` (N,) say whose they are, `active` (A,) which blocks are active."""
-    if len(stands) == 1:
-        return _nothing(active)
-    keys, blocks = tables.keys, tables.shape // BLOCK
-    cells, first = np.unique(keys, return_index=True)
-    whose = bodies[first]
+    cells, lengths, blocks = tables.cells, tables.counts.astype(np.int64), tables.shape // BLOCK
+    begins = np.cumsum(lengths) - lengths
+    whose = bodies[begins]
     count = int(np.prod(blocks))
     reach = blocks_in_reach(cells, blocks)
     owner = np.full(count, -1, dtype=np.int32)
@@ -149,7 +162,7 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     which = which.reshape(-1)
     shared = crowd[which] > 1
     if not shared.any():
-        return _nothing(active)
+        return alone(active)
     members, which = reached[shared], which[shared]
     order = np.lexsort((owner[members], which))
     members, which = members[order], which[order]
@@ -167,8 +180,6 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     hit = row_of[reach]
     corner, cell = np.nonzero(hit >= 0)
     reaching = np.unique(np.stack([hit[corner, cell], cell], axis=1), axis=0)
-    begins = np.searchsorted(keys, cells)
-    lengths = np.append(begins[1:], len(keys)) - begins
     own = lengths[reaching[:, 1]]
     into = np.arange(own.sum()) - np.repeat(np.cumsum(own) - own, own)
     near = np.repeat(begins[reaching[:, 1]], own) + into
@@ -188,7 +199,8 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     )
 
 
-def _nothing(active: Array) -> Meetings:
+def alone(active: Array) -> Meetings:
+    """Where nobody meets anybody in the blocks `active` (A,)."""
     none = np.zeros(0, dtype=np.int32)
     begin = np.zeros(1, dtype=np.int32)
     return Meetings(

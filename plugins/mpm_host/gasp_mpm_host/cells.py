@@ -22,8 +22,10 @@ __all__ = [
     "arrange",
     "blocks_in_reach",
     "cell_keys",
+    "cell_order",
     "grid_box",
     "stable_order",
+    "tabulate",
 ]
 
 Array = NDArray[Any]
@@ -51,10 +53,10 @@ class CellTables:
         Absolute index of the grid's first node, multiples of 4.
     shape : (3,) int64
         Nodes along each axis, multiples of 4.
-    order : (N,) int32
-        Rows in their new order: by block, then by cell, then as they were.
-    keys : (N,) int32
-        Numbers of their cells (`cell_keys`), in the new order.
+    cells : (C,) int32
+        Numbers of the cells that points have for homes (`cell_keys`), ascending: the points are in this order.
+    counts : (C,) int32
+        How many points each of them has.
     tiles : (K, 2) int32
         First row and end of every occupied block's points, by colour.
     colour_offsets : (9,) int32
@@ -65,8 +67,8 @@ class CellTables:
 
     lower: Array
     shape: Array
-    order: Array
-    keys: Array
+    cells: Array
+    counts: Array
     tiles: Array
     colour_offsets: Array
     active: Array
@@ -115,8 +117,61 @@ def blocks_in_reach(keys: Array, blocks: Array) -> Array:
     return np.stack([(bx * blocks[1] + by) * blocks[2] + bz for bx, by, bz in corners])
 
 
-def arrange(home: Array, limit: int, margin: int = 0) -> CellTables:
+def cell_order(home: Array, lower: Array, shape: Array) -> tuple[Array, Array, Array]:
+    """Rows (N,) int32 of home cells (N, 3) by block, then by cell, then as they were; the cells (C,) and counts (C,).
+
+    `lower` and `shape` are those of a grid that has these cells; cells and counts are as in `CellTables`.
+    """
+    keys = cell_keys(home, lower, shape // BLOCK)
+    order = stable_order(keys)
+    keys = keys[order]
+    first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+    return order, keys[first], np.diff(first, append=len(keys)).astype(np.int32)
+
+
+def _kinds_of(cells: Array, blocks: Array) -> Array:
+    """One cell of each of those from which the same blocks are in reach.
+
+    Along an axis the first cell of a block reaches the block before, the others reach the one behind.
+    """
+    x, y, z = np.unravel_index(np.arange(BLOCK**3), (BLOCK,) * 3)
+    kind_of = ((x > 0) * 4 + (y > 0) * 2 + (z > 0)).astype(np.int32)
+    present = np.zeros(8 * int(np.prod(blocks)), dtype=np.bool_)
+    present[(cells >> 6) * 8 + kind_of[cells & 63]] = True
+    found = np.flatnonzero(present)
+    kind = found & 7
+    return (found >> 3) * 64 + (kind >> 2) * 16 + (kind >> 1 & 1) * 4 + (kind & 1)
+
+
+def tabulate(lower: Array, shape: Array, cells: Array, counts: Array) -> CellTables:
+    """Tables of a grid on which points are in the order of their cells; parameters as of `CellTables`."""
+    blocks = shape // BLOCK
+    occupied = cells >> 6
+    head = np.flatnonzero(np.concatenate([[True], occupied[1:] != occupied[:-1]]))
+    end = np.cumsum(counts)
+    tiles = np.stack([end[head] - counts[head], end[np.append(head[1:], len(cells)) - 1]], axis=1)
+    corner = np.stack(np.unravel_index(occupied[head], blocks), axis=1)
+    # Colours by absolute position: the order of summation, hence every bit, does not depend on where the grid begins.
+    parity = (corner + lower // BLOCK) & 1
+    colour = parity[:, 0] * 4 + parity[:, 1] * 2 + parity[:, 2]
+    by_colour = np.argsort(colour, kind="stable")
+    reached = np.zeros(int(np.prod(blocks)), dtype=np.bool_)
+    reached[blocks_in_reach(_kinds_of(cells, blocks), blocks)] = True
+    return CellTables(
+        lower=lower,
+        shape=shape,
+        cells=cells,
+        counts=counts,
+        tiles=tiles[by_colour].astype(np.int32),
+        colour_offsets=np.searchsorted(colour[by_colour], np.arange(COLOURS + 1)).astype(np.int32),
+        active=np.flatnonzero(reached).astype(np.int32),
+    )
+
+
+def arrange(home: Array, limit: int, margin: int = 0) -> tuple[CellTables, Array]:
     """Tables for points with home cells (N, 3) int32, on a grid that fits them and `margin` blocks around them.
+
+    And the rows (N,) of the points in the order of these tables.
 
     Raises
     ------
@@ -124,33 +179,5 @@ def arrange(home: Array, limit: int, margin: int = 0) -> CellTables:
         Where the grid would have more than `limit` nodes.
     """
     lower, shape = grid_box(home.min(axis=0), home.max(axis=0), limit, margin)
-    blocks = shape // BLOCK
-    keys = cell_keys(home, lower, blocks)
-    order = stable_order(keys)
-    keys = keys[order]
-
-    first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
-    cells = keys[first]
-    occupied = cells >> 6
-    head = np.concatenate([[True], occupied[1:] != occupied[:-1]])
-    begin = first[head]
-    end = np.concatenate([begin[1:], [len(keys)]])
-    corner = np.stack(np.unravel_index(occupied[head], blocks), axis=1)
-    # Colours by absolute position: the order of summation, hence every bit, does not depend on where the grid begins.
-    parity = (corner + lower // BLOCK) & 1
-    colour = parity[:, 0] * 4 + parity[:, 1] * 2 + parity[:, 2]
-    by_colour = np.argsort(colour, kind="stable")
-    tiles = np.stack([begin, end], axis=1)[by_colour].astype(np.int32)
-    offsets = np.searchsorted(colour[by_colour], np.arange(COLOURS + 1)).astype(np.int32)
-
-    reached = np.zeros(int(np.prod(blocks)), dtype=np.bool_)
-    reached[blocks_in_reach(cells, blocks)] = True
-    return CellTables(
-        lower=lower,
-        shape=shape,
-        order=order,
-        keys=keys,
-        tiles=tiles,
-        colour_offsets=offsets,
-        active=np.flatnonzero(reached).astype(np.int32),
-    )
+    order, cells, counts = cell_order(home, lower, shape)
+    return tabulate(lower, shape, cells, counts), order

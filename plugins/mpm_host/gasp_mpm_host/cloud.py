@@ -19,21 +19,21 @@ from gasp_core.stepping.flow import is_flowing
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.bodies import Meetings, bodies_of_columns, meetings, stands_for
-from gasp_mpm_host.cells import BLOCK, CellTables, arrange
+from gasp_mpm_host.bodies import Meetings, alone, bodies_of_columns, home_boxes, meetings, stands_for
+from gasp_mpm_host.cells import BLOCK, CellTables, cell_order, grid_box, tabulate
 from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
 
-__all__ = ["SEEDING_PASSES", "SortedCloud"]
+__all__ = ["CELL_LIMIT", "SEEDING_PASSES", "SortedCloud"]
 
 Array = NDArray[Any]
 
 SEEDING_PASSES = 16
 """Of `SortedCloud._seed`."""
 _NODE_LIMIT = 2**28
-_CELL_LIMIT = 2.0**30
+CELL_LIMIT = 2.0**30
 """Cells from the anchor, so that integer cells never overflow."""
 
 
@@ -102,15 +102,18 @@ class SortedCloud(ABC):
             self._seed()
         else:
             homes = rows.labels[:, at.HOME : at.HOME + 3]
-            found = self._tabulate(homes)
-            if not np.array_equal(found.order, np.arange(self._count)):
+            boxes = home_boxes(homes, self._bodies[rows.ids], len(self._stands))
+            lower, shape = self._box(boxes)
+            order, cells, counts = cell_order(homes, lower, shape)
+            found = self._tabulate(boxes, tabulate(lower, shape, cells, counts))
+            if not np.array_equal(order, np.arange(self._count)):
                 raise SceneError(f"{engine}: the checkpoint's points are not in the order of their cells: {DAMAGED}")
             self._wake(tracers, found)
 
     def _kept_stands(self, restart: Mapping[str, Array], engine: str) -> Array:
         """The bodies' stands as `checkpoint` kept them; refused where no run has written them."""
         kept = checkpoint_arrays(restart, {"stands": self._stands.shape}, engine)["stands"]
-        whole = np.rint(np.nan_to_num(kept)).astype(np.int64) if np.abs(kept).max() < _CELL_LIMIT else None
+        whole = np.rint(np.nan_to_num(kept)).astype(np.int64) if np.abs(kept).max() < CELL_LIMIT else None
         if whole is None or (whole != kept).any() or (whole % (2 * BLOCK)).any():
             raise SceneError(f"{engine}: the checkpoint's bodies stand between the cells of the grid: {DAMAGED}")
         return whole
@@ -187,36 +190,57 @@ class SortedCloud(ABC):
         FarAwayError, GridTooLargeError
             Where they have no cell, or the grid would be too large.
         """
-        if not float(np.abs(self._cell_rows()).max()) < _CELL_LIMIT:
-            raise FarAwayError
-        self._settle()
+        boxes = self._settled()
         tracers = self._tracer_rows()
-        homes = self._label_rows()[:, at.HOME : at.HOME + 3]
-        change = self._put_apart(homes)
+        change = self._put_apart(boxes)
         if change.any():
             self._place(self._cell_rows() + change[self._bodies[self._ids]])
-            self._settle()
+            boxes = self._settled()
             tracers = tracers.standing(change[self._tracer_bodies[tracers.ids]])
-            homes = self._label_rows()[:, at.HOME : at.HOME + 3]
-        found = self._tabulate(homes)
-        self._permute(found.order)
-        self._ids = self._ids[found.order]
+        lower, shape = self._box(boxes)
+        cells, counts = self._put_in_order(lower, shape)
+        found = self._tabulate(boxes, tabulate(lower, shape, cells, counts))
         self._wake(tracers.settled(), found)
 
-    def _put_apart(self, homes: Array) -> Array:
-        """By how much the stands (B, 3) of the bodies, whose points are in `homes`, had to change and did."""
-        bodies = self._bodies[self._ids]
+    def _settled(self) -> Array:
+        """Give every point the cell it is in for its home; the boxes of these, see `bodies.home_boxes`.
+
+        Raises
+        ------
+        FarAwayError
+            Where a point is too far away for a cell.
+        """
+        if not float(np.abs(self._cell_rows()).max()) < CELL_LIMIT:
+            raise FarAwayError
+        self._settle()
+        return home_boxes(self._homes(), self._bodies[self._ids], len(self._stands))
+
+    def _put_in_order(self, lower: Array, shape: Array) -> tuple[Array, Array]:
+        """Put the points into the order of their homes; cells (C,) and counts (C,) as in `CellTables`."""
+        order, cells, counts = cell_order(self._homes(), lower, shape)
+        self._permute(order)
+        self._ids = self._ids[order]
+        return cells, counts
+
+    def _homes(self) -> Array:
+        return self._label_rows()[:, at.HOME : at.HOME + 3]
+
+    def _put_apart(self, boxes: Array) -> Array:
+        """By how much the stands (B, 3) of the bodies had to change and did; `boxes` are those of their homes."""
         margin = TRACER_MARGIN if self._traced else 0
-        found = stands_for(homes - self._stands[bodies], bodies, self._stands, margin)
+        found = stands_for(boxes - self._stands[:, None], self._stands, margin)
         change = found - self._stands
         self._stands = found
         return change
 
-    def _tabulate(self, home: Array) -> CellTables:
-        """Fit the grid and the tiles to the points' homes."""
+    def _box(self, boxes: Array) -> tuple[Array, Array]:
+        """First node and shape of the grid that fits the homes."""
         margin = TRACER_MARGIN if self._traced else 0
-        found = arrange(home, _NODE_LIMIT, margin)
-        self._columns = bodies_of_columns(home, self._bodies[self._ids], len(self._stands), found, margin)
+        return grid_box(boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0), _NODE_LIMIT, margin)
+
+    def _tabulate(self, boxes: Array, found: CellTables) -> CellTables:
+        """Take these tables from now on; the boxes are those of the homes in them."""
+        self._columns = bodies_of_columns(boxes, found, TRACER_MARGIN if self._traced else 0)
         self._set_grid(found, self._stands[self._columns].astype(np.int32))
         nodes = int(np.prod(found.shape))
         if nodes > self._capacity:
@@ -234,7 +258,10 @@ class SortedCloud(ABC):
         rows = rows.sorted(woken.order)
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
-        met = meetings(self._problem, self._bodies[self._ids], self._stands, woken.active, found)
+        if len(self._stands) == 1:
+            met = alone(woken.active)
+        else:
+            met = meetings(self._problem, self._bodies[self._ids], self._stands, woken.active, found)
         self._set_active(woken, found, met)
 
     # ---- between the stages of a step -------------------------------------------------------------------------------

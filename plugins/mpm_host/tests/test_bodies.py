@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.bodies import bodies_of_columns, meetings, stands_for
+from gasp_mpm_host.bodies import bodies_of_columns, home_boxes, meetings, stands_for
 from gasp_mpm_host.cells import BLOCK, arrange, grid_box
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,10 +33,11 @@ def problem_of(bodies, **contacts):
 
 def arranged(home, bodies, **contacts):
     """Stands, cells and bodies in their new order, tables and meetings."""
-    stands = stands_for(home, bodies, np.zeros((int(bodies.max()) + 1, 3), dtype=np.int64))
+    count = int(bodies.max()) + 1
+    stands = stands_for(home_boxes(home, bodies, count), np.zeros((count, 3), dtype=np.int64))
     cells = (home + stands[bodies]).astype(np.int32)
-    tables = arrange(cells, 2**40)
-    cells, bodies = cells[tables.order], bodies[tables.order]
+    tables, order = arrange(cells, 2**40)
+    cells, bodies = cells[order], bodies[order]
     met = meetings(problem_of(bodies, **contacts), bodies, stands, tables.active, tables)
     return stands, cells, bodies, tables, met
 
@@ -49,23 +50,24 @@ def test_no_block_is_in_reach_of_two_bodies(home, bodies):
     owners = {}
     for block, body in zip((nodes // BLOCK).reshape(-1, 3).tolist(), np.repeat(bodies, len(REACH))):
         assert owners.setdefault(tuple(block), body) == body
-    columns = bodies_of_columns(cells, bodies, len(stands), tables)
+    columns = bodies_of_columns(home_boxes(cells, bodies, len(stands)), tables)
     for block, body in owners.items():
         assert np.array_equal(stands[columns[block[0] - tables.lower[0] // BLOCK]], stands[body])
 
 
 @given(HOMES, BODIES)
 def test_bodies_that_do_not_move_stay_where_they_stand(home, bodies):
-    stands = stands_for(home, bodies, np.zeros((4, 3), dtype=np.int64))
-    assert np.array_equal(stands_for(home, bodies, stands), stands)
+    boxes = home_boxes(home, bodies, 4)
+    stands = stands_for(boxes, np.zeros((4, 3), dtype=np.int64))
+    assert np.array_equal(stands_for(boxes, stands), stands)
 
 
 def test_a_body_that_flies_away_takes_no_empty_grid_with_it():
     home = np.array([[0, 0, 0], [5, 0, 0]], dtype=np.int32)
     bodies = np.array([0, 1])
-    stands = stands_for(home, bodies, np.zeros((2, 3), dtype=np.int64))
+    stands = stands_for(home_boxes(home, bodies, 2), np.zeros((2, 3), dtype=np.int64))
     home[1] = (5, 0, 10_000_000)
-    cells = home + stands_for(home, bodies, stands)[bodies]
+    cells = home + stands_for(home_boxes(home, bodies, 2), stands)[bodies]
     _, shape = grid_box(cells.min(axis=0), cells.max(axis=0), 2**40)
     assert shape.prod() < 10_000
 
@@ -82,7 +84,7 @@ def test_who_can_share_a_node_meets_there(home, bodies):
     found = {}
     for begin, end, first, last in zip(met.places, met.places[1:], met.pair_begins, met.pair_begins[1:]):
         where = np.stack(np.unravel_index(met.members[begin:end], blocks), axis=1) + tables.lower // BLOCK
-        columns = bodies_of_columns(cells, bodies, len(stands), tables)
+        columns = bodies_of_columns(home_boxes(cells, bodies, len(stands)), tables)
         who = columns[where[:, 0] - tables.lower[0] // BLOCK]
         place = where - stands[who] // BLOCK
         assert (place == place[0]).all()

@@ -21,7 +21,7 @@ def nodes_near(home):
 
 @given(HOMES, TRACERS)
 def test_whoever_can_meet_mass_is_awake_and_has_all_its_nodes_cleared(home, tracers):
-    tables = arrange(home, 2**28, TRACER_MARGIN)
+    tables, _ = arrange(home, 2**28, TRACER_MARGIN)
     found = arrange_tracers(tracers, tables, np.ones(len(tracers), dtype=bool))
     assert np.array_equal(np.sort(found.order), np.arange(len(tracers)))
     massive = {tuple(node) for node in nodes_near(home).reshape(-1, 3)}
@@ -41,7 +41,7 @@ def test_whoever_can_meet_mass_is_awake_and_has_all_its_nodes_cleared(home, trac
 
 @given(HOMES, TRACERS)
 def test_the_awake_are_sorted_by_block_and_cell(home, tracers):
-    tables = arrange(home, 2**28, TRACER_MARGIN)
+    tables, _ = arrange(home, 2**28, TRACER_MARGIN)
     found = arrange_tracers(tracers, tables, np.ones(len(tracers), dtype=bool))
     awake = tracers[found.order[: found.awake]] - tables.lower
     expected = np.lexsort((*(awake % BLOCK).T[::-1], *(awake // BLOCK).T[::-1]))
@@ -52,7 +52,7 @@ def test_the_awake_are_sorted_by_block_and_cell(home, tracers):
 
 
 def test_a_tracer_beyond_all_numbers_rests():
-    tables = arrange(np.zeros((1, 3), dtype=np.int32), 2**28, TRACER_MARGIN)
+    tables, _ = arrange(np.zeros((1, 3), dtype=np.int32), 2**28, TRACER_MARGIN)
     homes = homes_of(np.array([[1e300, 0, 0], [0.9, 0.9, 0.9], [-1e12, 3, 3]]))
     found = arrange_tracers(homes, tables, np.ones(3, dtype=bool))
     assert found.awake == 1
@@ -69,7 +69,7 @@ def test_a_checkpoint_with_other_tracers_is_refused():
 
 
 def test_a_tracer_among_matter_of_another_body_rests():
-    tables = arrange(np.zeros((1, 3), dtype=np.int32), 2**28, TRACER_MARGIN)
+    tables, _ = arrange(np.zeros((1, 3), dtype=np.int32), 2**28, TRACER_MARGIN)
     homes = np.zeros((2, 3), dtype=np.int32)
     found = arrange_tracers(homes, tables, np.array([False, True]))
     assert found.awake == 1

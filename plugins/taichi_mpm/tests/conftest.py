@@ -4,6 +4,8 @@ These tests compile every material in both precisions, and most of their time wo
 a second. The suite judges what users get.
 """
 
+import os
+
 import numpy as np
 import pytest
 from gasp_taichi_mpm import runtime, words
@@ -20,6 +22,7 @@ runtime.optimised = False
 def kit():
     return Kit(
         engine_open=TaichiMpm().open,
+        device=os.environ.get("GASP_TEST_DEVICE", "cpu"),
         rows=lambda session: session._held._rows(),
         nodes=lambda session: int(np.prod(session._held._control[words.SHAPE : words.SHAPE + 3])),
     )

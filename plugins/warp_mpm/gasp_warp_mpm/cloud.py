@@ -24,7 +24,8 @@ from gasp_warp_mpm.barrier import BARRIER_WIDTH
 from gasp_warp_mpm.blocks import BLOCK_NODES
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.kernels import make_kernels
-from gasp_warp_mpm.pool import LANES
+from gasp_warp_mpm.phases import THREADS
+from gasp_warp_mpm.runs import RUN
 from gasp_warp_mpm.separation import SCRATCH_WIDTH
 from gasp_warp_mpm.staging import StagedSteps
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, FIRST_STEP, NEXT_STEP, REPORT_WIDTH, STEPS_DONE, Acting
@@ -32,6 +33,10 @@ from gasp_warp_mpm.tables import CLAMPED, DRIFTED, FIRST_STEP, NEXT_STEP, REPORT
 __all__ = ["Cloud"]
 
 Array = NDArray[Any]
+
+_POINTS_OF_ROW = 16
+_ROWS_OF_CHUNK = at.SURVEY_CHUNK // _POINTS_OF_ROW
+"""Of a survey on a GPU: points that one thread looks at, and how many threads make a row of the chart."""
 
 
 class Cloud(StagedSteps):
@@ -72,9 +77,11 @@ class Cloud(StagedSteps):
         atomic: bool,
         native: bool,
     ) -> None:
+        self._atomic = atomic
         super().__init__(problem, units, double=double, threads=threads)
         self._device = device
-        self._atomic = atomic
+        self._block = 1 if device.is_cpu else THREADS
+        self._runs = -(-self._count // RUN)
         self._real = wp.float64 if double else wp.float32
         self._kernels = make_kernels(
             double, self._kinds, self._averaged, len(self._stands) > 1, atomic=atomic, native=native
@@ -107,15 +114,12 @@ class Cloud(StagedSteps):
         return wp.empty(size, dtype=kind, device=self._device)
 
     def _launch(self, kernel: Any, size: int, *inputs: Any) -> None:
-        wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device)
-
-    def _launch_tiles(self, kernel: Any) -> None:
-        lanes = 1 if self._device.is_cpu else LANES
-        tiles = len(self._tables.tiles) // 2
-        wp.launch(kernel, dim=lanes * tiles, inputs=[self._tables, lanes], device=self._device, block_dim=lanes)
+        inputs = (self._tables, *inputs)
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._device, block_dim=self._block)
 
     def _command(self, kernel: Any, size: int, *inputs: Any) -> Any:
-        return wp.launch(kernel, dim=size, inputs=[self._tables, *inputs], device=self._device, record_cmd=True)
+        inputs = (self._tables, *inputs)
+        return wp.launch(kernel, dim=size, inputs=inputs, device=self._device, block_dim=self._block, record_cmd=True)
 
     def _load(self, rows: Rows) -> None:
         tables = self._tables
@@ -157,10 +161,13 @@ class Cloud(StagedSteps):
         self._tables.x = self._put(cells, wp.vec3d)
 
     def _settle(self) -> None:
-        self._launch(self._kernels.settle, self._count)
+        self._launch(self._kernels.order.settle, self._count)
 
     def _permute(self, order: Array) -> None:
-        self._launch(self._kernels.permute, self._count, self._put(order, wp.int32), *self._spare)
+        self._permute_by(self._put(order, wp.int32))
+
+    def _permute_by(self, order: Any) -> None:
+        self._launch(self._kernels.order.permute, self._count, order, *self._spare)
         tables, spare = self._tables, self._spare
         self._spare = (tables.x, tables.points, tables.labels)
         tables.x, tables.points, tables.labels = spare
@@ -218,9 +225,9 @@ class Cloud(StagedSteps):
         phases, nodes = self._kernels.phases, BLOCK_NODES * self._tables.active_count
         self._launch(phases.clear, nodes)
         if self._averaged:
-            self._launch_tiles(phases.average)
+            self._launch(phases.average, self._runs)
             self._launch(phases.divide, nodes)
-        self._launch_tiles(phases.scatter)
+        self._launch(phases.scatter, self._runs)
 
     def set_walls(self, lower: Array, upper: Array) -> None:
         """Hold points and nodes within a box [m] from now on."""
@@ -315,21 +322,30 @@ class Cloud(StagedSteps):
 
     def survey(self) -> Survey:
         """Look at every point."""
-        ends = [self._chunks * worker // self._threads for worker in range(self._threads + 1)]
-        self._together(
-            [
-                self._command(self._kernels.survey, end - begin, self._chart, begin)
-                for begin, end in pairwise(ends)
-                if end > begin
-            ]
-        )
+        kernels, chunks = self._kernels.survey, self._chunks
+        if self._atomic:
+            # More threads than rows of the chart, and a second look over what they found.
+            rows = self._empty(len(self._chart) * _ROWS_OF_CHUNK, wp.float64)
+            count, size = -(-self._count // _POINTS_OF_ROW), _POINTS_OF_ROW
+            self._launch(kernels.survey, count, rows, 0, size)
+            self._launch(kernels.condense, chunks, rows, count, _ROWS_OF_CHUNK, self._chart)
+        else:
+            ends = [chunks * worker // self._threads for worker in range(self._threads + 1)]
+            self._together(
+                [
+                    self._command(kernels.survey, end - begin, self._chart, begin, at.SURVEY_CHUNK)
+                    for begin, end in pairwise(ends)
+                    if end > begin
+                ]
+            )
         return Survey.of(self._chart.numpy().reshape(-1, at.SURVEY_WIDTH), self.units)
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
         points = self._point_rows()
         points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
-        self._give_back(self._tables.points, points.reshape(-1))
+        if not self._device.is_cpu:
+            self._tables.points.assign(points.reshape(-1))
 
     def close(self) -> None:
         """End the threads."""

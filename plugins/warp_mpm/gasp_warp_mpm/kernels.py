@@ -23,7 +23,8 @@ from gasp_warp_mpm.contact import kept_out
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.meeting import make_meeting
 from gasp_warp_mpm.native import GROUP, make_native
-from gasp_warp_mpm.phases import make_phases
+from gasp_warp_mpm.ordering import make_ordering
+from gasp_warp_mpm.phases import THREADS, make_phases
 from gasp_warp_mpm.subgrid import make_subgrid
 from gasp_warp_mpm.survey import make_survey
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, STEPS_DONE, Acting, stand_of, tables_of
@@ -59,11 +60,11 @@ def make_kernels(
         The loops over nodes in native code, for the CPU and without atomic additions.
     """
     real = wp.float64 if double else wp.float32
-    Reals = wp.array(dtype=real)
     Tables = tables_of(real)
     Meeting = wp.array(dtype=wp.int32)
-    transfers = make_transfers(double, averaged, atomic=atomic, native=native)
+    transfers = make_transfers(double, averaged, native=native)
     row9, write9, write_stress = transfers.row9, transfers.write9, transfers.write_stress
+    load, store = transfers.load, transfers.store
     material_row, gather, scatter = transfers.material_row, transfers.gather, transfers.scatter
     stencil, weights = transfers.stencil, transfers.weights
     scatter_carried = transfers.scatter_carried
@@ -72,18 +73,18 @@ def make_kernels(
     blocks = make_blocks(double, averaged, flows)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
     settle_block, update_block = blocks.settle_block, blocks.update_block
-    meet = make_meeting(double, averaged, flows, atomic=atomic, native=native).meet if several else None
-    tracers = make_tracers(double, averaged, atomic=atomic, native=native)
+    meet = make_meeting(double, averaged, flows, native=native).meet if several else None
+    tracers = make_tracers(double, averaged, native=native)
     carry_one, carry_some = tracers.carry_one, tracers.carry_some
     lines = make_native(double, averaged)
     spread, spread_carried = lines.spread, lines.spread_carried
     move_elastic, move_neo_hookean = lines.move_elastic, lines.move_neo_hookean
     advance = make_response(double, kinds, advance=True)
     stress_of = make_response(double, kinds, advance=False)
-    with_unseen = make_subgrid(double, averaged, "fluid" in kinds, atomic=atomic, native=native).with_unseen
+    with_unseen = make_subgrid(double, averaged, "fluid" in kinds, native=native).with_unseen
     has_elastic, has_neo_hookean = "elastic" in kinds, "neo-hookean" in kinds
-    zero, one, vec3 = real(0.0), real(1.0), algebra(real).vec3
-    no_pool, no_corner = wp.uint64(0), wp.vec3i()
+    zero, one, types = real(0.0), real(1.0), algebra(real)
+    vec3, vec4, mat33 = types.vec3, types.vec4, types.mat33
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     is_elastic, is_neo_hookean = at.KINDS["elastic"], at.KINDS["neo-hookean"]
     kind_names = "_".join(sorted(kind.replace("-", "_") for kind in kinds))
@@ -93,7 +94,7 @@ def make_kernels(
     # Loops along the three axes are unrolled and no others: eight copies of a scatter take long to compile.
     # A product and a sum are one operation where the processor has it: Clang does not contract them unless it is told.
     flags = f"{wp.config.cpu_compiler_flags or '-march=native'} -ffp-contract=fast"
-    module.options.update(enable_backward=False, max_unroll=3, cpu_compiler_flags=flags)
+    module.options.update(enable_backward=False, max_unroll=3, cpu_compiler_flags=flags, block_dim=THREADS)
 
     # ---- points -----------------------------------------------------------------------------------------------------
 
@@ -102,8 +103,11 @@ def make_kernels(
         """Grid to point, then F, the return mapping and the stress that the next scatter reads."""
         v, C, L = gather(s, p)
         o = p * at.POINT_WIDTH
+        # The row in its parts of four, as `layout` has it.
+        fixed, bent = load(s.points, o + at.MASS), load(s.points, o + at.HISTORY)
+        more, last = load(s.points, o + at.HISTORY + 4), load(s.points, o + at.HISTORY + 8)
         yields = int(0)
-        history = s.points[o + at.HISTORY]
+        history = bent[0]
         aside = wp.vec3d()
         if flows:
             if int(s.materials[material_row(s, p) + at.KIND]) > is_neo_hookean:
@@ -111,20 +115,22 @@ def make_kernels(
                 aside = wp.vec3d(stand_of(s.stands, s.labels[p * at.LABEL_WIDTH + at.HOME] - s.lower[0]))
                 v, C, history = with_unseen(s, acting, drive_set, p, s.x[p] - aside, v, C, L)
         H, gain, tau, dilation = advance(
-            row9(s.points, o + at.DISPLACEMENT_GRADIENT),
+            mat33(bent[1], bent[2], bent[3], more[0], more[1], more[2], more[3], last[0], last[1]),
             L,
             history,
             real(s.step),
             s.materials,
             material_row(s, p),
         )
-        write_stress(s.points, o, tau, dilation)
-        write9(s.points, o + at.DISPLACEMENT_GRADIENT, H)
-        s.points[o + at.HISTORY] = gain
+        store(s.points, o + at.MASS, vec4(fixed[0], tau[0, 0], tau[1, 1], tau[2, 2]))
+        store(s.points, o + at.MASS + 4, vec4(tau[0, 1], tau[0, 2], tau[1, 2], dilation))
+        store(s.points, o + at.HISTORY, vec4(gain, H[0, 0], H[0, 1], H[0, 2]))
+        store(s.points, o + at.HISTORY + 4, vec4(H[1, 0], H[1, 1], H[1, 2], H[2, 0]))
+        store(s.points, o + at.HISTORY + 8, vec4(H[2, 1], H[2, 2], last[2], last[3]))
         u = wp.vec3d(v)
         if flows:
             if yields == 1 and acting.colliders > 0:
-                half_width = wp.float64(s.points[o + at.HALF_SIDE])
+                half_width = wp.float64(last[3])
                 u = kept_out(acting, u, s.x[p] - aside, half_width, s.step, drive_set)
                 v = vec3(real(u[0]), real(u[1]), real(u[2]))
         place = s.x[p] + s.step * u
@@ -140,9 +146,9 @@ def make_kernels(
                     v[d] = wp.min(v[d], zero)
                     s.report[CLAMPED] = 1
         kept = one / (one + real(s.materials[material_row(s, p) + at.MASS_DAMPING] * s.step))
-        for d in range(3):
-            s.points[o + at.VELOCITY + d] = kept * v[d]
-        write9(s.points, o + at.AFFINE, kept * C)
+        store(s.points, o, kept * vec4(v[0], v[1], v[2], C[0, 0]))
+        store(s.points, o + 4, kept * vec4(C[0, 1], C[0, 2], C[1, 0], C[1, 1]))
+        store(s.points, o + 8, kept * vec4(C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
         s.x[p] = place
         # Written so that NaN fails it: a point that is nowhere must not be scattered either.
         near = int(0)
@@ -218,9 +224,9 @@ def make_kernels(
                 spread_carried(s, begin, end)
         else:
             for p in range(begin, end):
-                scatter(s, p, no_pool, no_corner)
+                scatter(s, p)
                 if flows:
-                    scatter_carried(s, p, no_pool, no_corner)
+                    scatter_carried(s, p)
 
     # ---- in threads: each takes a share of every phase and waits for the others -------------------------------------
 
@@ -261,7 +267,7 @@ def make_kernels(
         q = s.colours[colour] + take_next(meeting, 1)
         while q < s.colours[colour + 1]:
             for p in range(s.tiles[2 * q], s.tiles[2 * q + 1]):
-                scatter_dilation(s, p, no_pool, no_corner)
+                scatter_dilation(s, p)
             q = s.colours[colour] + take_next(meeting, 1)
 
     @wp.func
@@ -346,42 +352,14 @@ def make_kernels(
         """The stress that belongs to a point as it is, its velocity gradient taken for C."""
         find_stress(s, wp.tid(), zero)
 
-    # ---- order ------------------------------------------------------------------------------------------------------
-
-    @wp.kernel(module=module, enable_backward=False)
-    def settle(s: Tables):
-        """Give a point the cell it is in as its home."""
-        p = wp.tid()
-        place = s.x[p]
-        for d in range(3):
-            s.labels[p * at.LABEL_WIDTH + at.HOME + d] = int(wp.floor(place[d] - half_cell))
-
-    @wp.kernel(module=module, enable_backward=False)
-    def permute(
-        s: Tables,
-        order: wp.array(dtype=wp.int32),
-        x: wp.array(dtype=wp.vec3d),
-        points: Reals,
-        labels: wp.array(dtype=wp.int32),
-    ):
-        """A row in its new place."""
-        q = wp.tid()
-        p = order[q]
-        x[q] = s.x[p]
-        for c in range(at.POINT_WIDTH):
-            points[q * at.POINT_WIDTH + c] = s.points[p * at.POINT_WIDTH + c]
-        for c in range(at.LABEL_WIDTH):
-            labels[q * at.LABEL_WIDTH + c] = s.labels[p * at.LABEL_WIDTH + c]
-
     kernels = SimpleNamespace(
         module=module,
         tables=Tables,
         settle_nodes=settle_nodes,
         learn_affine=learn_affine,
         strain=strain,
-        settle=settle,
-        permute=permute,
         survey=make_survey(double, module),
+        order=make_ordering(module, double, transfers, alone=atomic),
     )
     if atomic:
         kernels.phases = make_phases(

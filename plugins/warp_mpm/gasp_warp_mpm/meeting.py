@@ -22,13 +22,13 @@ __all__ = ["make_meeting"]
 
 
 @cache
-def make_meeting(double: bool, averaged: bool, flowing: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_meeting(double: bool, averaged: bool, flowing: bool, *, native: bool) -> SimpleNamespace:
     """The function meet; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec3, vec4 = types.vec3, types.vec4
     Tables = tables_of(real)
-    found = make_separation(double, averaged, atomic=atomic, native=native)
+    found = make_separation(double, averaged, native=native)
     separate, corner_of, node_row, kept3 = found.separate, found.corner_of, found.node_row, found.kept3
     settle_carried = make_blocks(double, averaged, flowing).settle_carried
     zero, one = real(0.0), real(1.0)

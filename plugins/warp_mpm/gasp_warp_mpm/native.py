@@ -1,22 +1,21 @@
 """The transfers in native code, for the CPU: a line of three nodes along z is one vector of lanes.
 
-What they compute is what `transfers` computes in readable form, which a GPU runs; the sums are the same but for their
-order, and for one thing: points of a tile spread their momentum relative to that of one of them. What moves as one
-then keeps its velocity to the last bit but one, and where float32 rounds, it rounds differences.
+What they compute is what `transfers` computes in readable form; the sums are the same but for their order. Points of a
+tile spread their momentum relative to that of one of them: what moves as one then keeps its velocity to the last bit
+but one, and where float32 rounds, it rounds differences.
 
 A node has four lanes: three of momentum (or velocity), one of mass. Matrices come as columns, because a column times a
 number is what a node gets.
 """
 
 # No `from __future__ import annotations`: Warp reads the types themselves.
-import re
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_warp_mpm.native_words import PRECISION_WORDS, SHARED_WORDS
+from gasp_warp_mpm.native_words import worded
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, Acting, tables_of
 
 __all__ = ["GROUP", "make_native"]
@@ -341,13 +340,8 @@ _LEFT = """
 
 
 def _code(double: bool, *parts: str, **words: str) -> str:
-    """A function's body: the parts with their words replaced, until none is left."""
-    words = words | SHARED_WORDS | PRECISION_WORDS[double] | {"STENCIL": _STENCIL, "COLLECT": _COLLECT}
-    pattern = re.compile(rf"\b({'|'.join(words)})\b")
-    text = _PRELUDE + "".join(parts)
-    while pattern.search(text):
-        text = pattern.sub(lambda found: words[found[0]], text)
-    return text
+    """A function's body."""
+    return worded(double, _PRELUDE + "".join(parts), STENCIL=_STENCIL, COLLECT=_COLLECT, **words)
 
 
 @cache

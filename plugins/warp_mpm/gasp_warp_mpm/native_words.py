@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
 from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_core.stepping.shock import SHOCK_VISCOSITY
 
-__all__ = ["PRECISION_WORDS", "SHARED_WORDS"]
+__all__ = ["worded"]
 
-PRECISION_WORDS: Mapping[bool, Mapping[str, str]] = MappingProxyType(
+_PRECISION_WORDS: Mapping[bool, Mapping[str, str]] = MappingProxyType(
     {
         False: {
             "REAL": "float",
@@ -33,7 +34,7 @@ PRECISION_WORDS: Mapping[bool, Mapping[str, str]] = MappingProxyType(
     }
 )
 """By whether numbers are doubles: the type, its layout, and where series and iterations end in it."""
-SHARED_WORDS: Mapping[str, str] = MappingProxyType(
+_SHARED_WORDS: Mapping[str, str] = MappingProxyType(
     {
         "WELL_SHAPED": "1e-6",
         "SMALLEST_VOLUME": "0.05",
@@ -44,3 +45,12 @@ SHARED_WORDS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Of both: bounds, and how much of the velocity gradient is that of the slopes."""
+
+
+def worded(double: bool, text: str, **words: str) -> str:
+    """Native code with its words replaced, those of one precision and those given, until none is left."""
+    words = words | _SHARED_WORDS | _PRECISION_WORDS[double]
+    pattern = re.compile(rf"\b({'|'.join(words)})\b")
+    while pattern.search(text):
+        text = pattern.sub(lambda found: words[found[0]], text)
+    return text

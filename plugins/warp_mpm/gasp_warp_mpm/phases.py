@@ -10,12 +10,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
+from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.blocks import BLOCK_NODES
-from gasp_warp_mpm.pool import make_pool
+from gasp_warp_mpm.rows import make_rows
+from gasp_warp_mpm.runs import RUN, make_runs
 from gasp_warp_mpm.tables import DRIFTED, HALTED, NEXT_STEP, STEPS_DONE, Acting, tables_of
 
-__all__ = ["make_phases"]
+__all__ = ["THREADS", "make_phases"]
+
+THREADS = 64
+"""Of a block on a GPU. The module is compiled for it: for a launch of another number Warp compiles it once more."""
 
 
 def make_phases(
@@ -30,19 +35,18 @@ def make_phases(
     move_point: Any,
     carry_one: Any,
 ) -> SimpleNamespace:
-    """Kernels clear, scatter, update, move, carry, finish; where it is `averaged`, average and divide; meet, if given.
+    """Kernels clear, scatter, update, move, carry, finish; where it is `averaged`, average and divide; meet, if given;
+    and those of `rows`.
 
     They are in Warp's module `module`.
     """
     Tables = tables_of(wp.float64 if double else wp.float32)
-    scatter_one, scatter_dilation = transfers.scatter, transfers.scatter_dilation
-    scatter_carried = transfers.scatter_carried
+    stencil, weights, mean_pressure = transfers.stencil, transfers.weights, transfers.mean_pressure
+    runs = make_runs(double, averaged)
+    give, give_carried, give_dilation = runs.give, runs.give_carried, runs.give_dilation
     block_corner, clear_node = blocks.block_corner, blocks.clear_node
     lone_corner = blocks.lone_corner
     divide_node, update_node = blocks.divide_node, blocks.update_node
-    pooled = make_pool(double)
-    open_pool, corner_of, share_of = pooled.open_pool, pooled.corner_of, pooled.share_of
-    give_sums, give_mean_sums = pooled.give_sums, pooled.give_mean_sums
 
     @wp.kernel(module=module, enable_backward=False)
     def clear(s: Tables):
@@ -51,22 +55,20 @@ def make_phases(
             clear_node(s, block_corner(s, wp.tid() // BLOCK_NODES), wp.tid() % BLOCK_NODES)
 
     @wp.kernel(module=module, enable_backward=False)
-    def scatter(s: Tables, lanes: int):
-        """The points of a tile to the grid, `lanes` threads together."""
+    def scatter(s: Tables):
+        """A run of points to the grid."""
         if s.report[HALTED] == 0:
-            tile, lane = wp.tid() // lanes, wp.tid() % lanes
-            begin = s.tiles[2 * tile]
-            corner = corner_of(s, begin)
-            pool = open_pool(lane, lanes)
-            first, end = share_of(begin, s.tiles[2 * tile + 1], lane, lanes)
-            for p in range(first, end):
-                scatter_one(s, p, pool, corner)
-            give_sums(s, s.grid, pool, corner, lane, lanes)
+            begin = wp.tid() * RUN
+            end = wp.min(begin + RUN, s.count)
+            if averaged:
+                for p in range(begin, end):
+                    offset, first, sx, sy = stencil(s, p)
+                    s.points[p * at.POINT_WIDTH + at.MEAN_PRESSURE] = mean_pressure(
+                        s, p, weights(offset), first, sx, sy
+                    )
+            give(s, begin, end)
             if flowing:
-                pool = open_pool(lane, lanes)
-                for p in range(first, end):
-                    scatter_carried(s, p, pool, corner)
-                give_sums(s, s.carried, pool, corner, lane, lanes)
+                give_carried(s, begin, end)
 
     @wp.kernel(module=module, enable_backward=False)
     def update(s: Tables, acting: Acting):
@@ -95,7 +97,8 @@ def make_phases(
             s.report[NEXT_STEP] = s.report[NEXT_STEP] + 1
             s.report[HALTED] = s.report[DRIFTED]
 
-    phases = SimpleNamespace(clear=clear, scatter=scatter, update=update, move=move, carry=carry, finish=finish)
+    phases = make_rows(module, double)
+    vars(phases).update(clear=clear, scatter=scatter, update=update, move=move, carry=carry, finish=finish)
     if meet is not None:
 
         @wp.kernel(module=module, enable_backward=False)
@@ -108,17 +111,11 @@ def make_phases(
     if averaged:
 
         @wp.kernel(module=module, enable_backward=False)
-        def average(s: Tables, lanes: int):
-            """The dilations of a tile to the grid, `lanes` threads together."""
+        def average(s: Tables):
+            """The dilations of a run of points to the grid."""
             if s.report[HALTED] == 0:
-                tile, lane = wp.tid() // lanes, wp.tid() % lanes
-                begin = s.tiles[2 * tile]
-                corner = corner_of(s, begin)
-                pool = open_pool(lane, lanes)
-                first, end = share_of(begin, s.tiles[2 * tile + 1], lane, lanes)
-                for p in range(first, end):
-                    scatter_dilation(s, p, pool, corner)
-                give_mean_sums(s, pool, corner, lane, lanes)
+                begin = wp.tid() * RUN
+                give_dilation(s, begin, wp.min(begin + RUN, s.count))
 
         @wp.kernel(module=module, enable_backward=False)
         def divide(s: Tables):

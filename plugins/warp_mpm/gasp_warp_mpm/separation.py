@@ -41,13 +41,13 @@ _TURNING = 2
 
 
 @cache
-def make_separation(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_separation(double: bool, averaged: bool, *, native: bool) -> SimpleNamespace:
     """The function separate, and corner_of and node_row of members; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec3, mat33 = types.vec3, types.mat33
     Tables = tables_of(real)
-    transfers = make_transfers(double, averaged, atomic=atomic, native=native)
+    transfers = make_transfers(double, averaged, native=native)
     row9, material_row, weights, slopes = transfers.row9, transfers.material_row, transfers.weights, transfers.slopes
     zero, one, half = real(0.0), real(1.0), real(0.5)
     none, half_cell = real(-1e30), wp.float64(0.5)

@@ -7,12 +7,13 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
+import warp as wp
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.cloud import SortedCloud
 from gasp_mpm_host.stages import Stage
 from numpy.typing import NDArray
 
 from gasp_warp_mpm.blocks import BLOCK_NODES
+from gasp_warp_mpm.device_order import DeviceOrder
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED
 
 __all__ = ["StagedSteps"]
@@ -20,19 +21,13 @@ __all__ = ["StagedSteps"]
 Array = NDArray[Any]
 
 
-class StagedSteps(SortedCloud):
+class StagedSteps(DeviceOrder):
     """What `gasp_mpm_host.stages.StagedCloud` asks of a cloud, with the kernels of whole steps."""
 
     _tables: Any
-    _kernels: Any
     _acting: Any
     _device: Any
     _no_tiles: Any
-    _atomic: bool
-
-    @abstractmethod
-    def _launch(self, kernel: Any, size: int, *inputs: Any) -> None:
-        """Launch a kernel in `size` threads."""
 
     @abstractmethod
     def _begin_report(self, index: int, first: int) -> None:
@@ -99,27 +94,42 @@ class StagedSteps(SortedCloud):
 
     def node_rows(self, rows: Array) -> Array:
         """See `gasp_mpm_host.stages.StagedCloud`."""
-        return self._tables.grid.numpy()[rows]
+        if not self._atomic:
+            return self._tables.grid.numpy()[rows]
+        found = self._empty(len(rows), self._tables.grid.dtype)
+        self._launch_rows(self._kernels.phases.read_nodes, rows, found)
+        return found.numpy().reshape(-1, 4)
 
     def put_velocities(self, rows: Array, velocities: Array) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""
-        grid = self._tables.grid.numpy()
+        tables = self._tables
+        if self._atomic:
+            self._launch_rows(self._kernels.phases.write_nodes, rows, self._put(velocities, wp.vec3d))
+            return
+        grid = tables.grid.numpy()
         grid[rows, :3] = velocities
-        self._give_back(self._tables.grid, grid)
-        if self._tables.tracer_count > 0:
-            carrier = self._tables.carrier.numpy()
+        if tables.tracer_count > 0:
+            carrier = tables.carrier.numpy()
             carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
-            self._give_back(self._tables.carrier, carrier)
+
+    def moving(self, rows: Array) -> tuple[Array, Array]:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        if not self._atomic:
+            return super().moving(rows)
+        places, velocities = (self._empty(len(rows), wp.vec3d) for _ in range(2))
+        self._launch_rows(self._kernels.phases.read_points, rows, places, velocities)
+        cells = places.numpy().reshape(-1, 3)
+        return cells - self._stands[self._bodies[self._ids[rows]]], velocities.numpy().reshape(-1, 3)
 
     def nudge(self, rows: Array, change: Array, step: float) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""
+        if self._atomic:
+            self._launch_rows(self._kernels.phases.nudge_points, rows, self._put(change, wp.vec3d), wp.float64(step))
+            return
         cells, points = self._tables.x.numpy(), self._point_rows()
         points[rows, at.VELOCITY : at.VELOCITY + 3] += change.astype(points.dtype)
         cells[rows] += step * change
-        self._give_back(self._tables.points, points.reshape(-1))
-        self._give_back(self._tables.x, cells)
 
-    def _give_back(self, table: Any, host: Array) -> None:
-        """Put what was changed into memory, where it is not that memory."""
-        if not self._device.is_cpu:
-            table.assign(host)
+    def _launch_rows(self, kernel: Any, rows: Array, *inputs: Any) -> None:
+        if len(rows):
+            self._launch(kernel, len(rows), self._put(rows, wp.int32), *inputs)

@@ -17,13 +17,13 @@ __all__ = ["make_subgrid"]
 
 
 @cache
-def make_subgrid(double: bool, averaged: bool, has_fluid: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_subgrid(double: bool, averaged: bool, has_fluid: bool, *, native: bool) -> SimpleNamespace:
     """The function with_unseen; parameters as `make_kernels`."""
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec3, mat33 = types.vec3, types.mat33
     Tables = tables_of(real)
-    transfers = make_transfers(double, averaged, atomic=atomic, native=native)
+    transfers = make_transfers(double, averaged, native=native)
     row3, row9, material_row = transfers.row3, transfers.row9, transfers.material_row
     gather_carried = transfers.gather_carried
     zero, one = real(0.0), real(1.0)

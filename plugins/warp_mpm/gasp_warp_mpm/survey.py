@@ -3,6 +3,7 @@
 
 # No `from __future__ import annotations`: Warp reads the types themselves.
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -15,11 +16,12 @@ __all__ = ["make_survey"]
 
 
 @cache
-def make_survey(double: bool, module: Any) -> Any:
-    """Kernel (tables, chart, first chunk), a chunk of points a thread, in Warp's module `module`."""
+def make_survey(double: bool, module: Any) -> SimpleNamespace:
+    """Kernels survey, a row of the chart a thread, and condense, for charts of many rows; in Warp's module `module`."""
     real = wp.float64 if double else wp.float32
     Reals = wp.array(dtype=real)
     Tables = tables_of(real)
+    Chart = wp.array(dtype=wp.float64)
     is_neo_hookean, is_fluid = at.KINDS["neo-hookean"], at.KINDS["fluid"]
     is_snow, first_hencky = at.KINDS["snow"], at.KINDS["metal"]
     crushed_volume = wp.float64(CRUSHED_VOLUME)
@@ -75,10 +77,10 @@ def make_survey(double: bool, module: Any) -> Any:
         return factor
 
     @wp.kernel(module=module, enable_backward=False)
-    def survey(s: Tables, chart: wp.array(dtype=wp.float64), first: int):
-        """A row per chunk of points: maxima, extents, and what is not finite."""
+    def survey(s: Tables, chart: Chart, first: int, size: int):
+        """A row for every `size` points, from row `first`: maxima, extents, and what is not finite."""
         chunk = first + wp.tid()
-        begin = chunk * at.SURVEY_CHUNK
+        begin = chunk * size
         stiffness = wp.float64(0.0)
         speed = wp.float64(0.0)
         gradient = wp.float64(0.0)
@@ -88,7 +90,7 @@ def make_survey(double: bool, module: Any) -> Any:
         crushed = int(0)
         low = wp.vec3d(wp.float64(1e300))
         high = -low
-        for p in range(begin, wp.min(begin + at.SURVEY_CHUNK, s.count)):
+        for p in range(begin, wp.min(begin + size, s.count)):
             o = p * at.POINT_WIDTH
             v = wide3(s.points, o + at.VELOCITY)
             C = wide9(s.points, o + at.AFFINE)
@@ -128,4 +130,21 @@ def make_survey(double: bool, module: Any) -> Any:
             chart[o + at.SURVEY_LOW + d] = low[d]
             chart[o + at.SURVEY_HIGH + d] = high[d]
 
-    return survey
+    @wp.kernel(module=module, enable_backward=False)
+    def condense(s: Tables, rows: Chart, count: int, size: int, chart: Chart):
+        """One row of every `size` of `count` rows."""
+        begin = wp.tid() * size
+        o = wp.tid() * at.SURVEY_WIDTH
+        for c in range(at.SURVEY_WIDTH):
+            found = rows[begin * at.SURVEY_WIDTH + c]
+            for k in range(begin + 1, wp.min(begin + size, count)):
+                other = rows[k * at.SURVEY_WIDTH + c]
+                if c == at.SURVEY_BAD or c == at.SURVEY_INVERTED or c == at.SURVEY_CRUSHED:
+                    found += other
+                elif c >= at.SURVEY_LOW and c < at.SURVEY_HIGH:
+                    found = wp.min(found, other)
+                else:
+                    found = wp.max(found, other)
+            chart[o + c] = found
+
+    return SimpleNamespace(survey=survey, condense=condense)

@@ -67,7 +67,7 @@ _CARRY = """
 
 
 @cache
-def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_tracers(double: bool, averaged: bool, *, native: bool) -> SimpleNamespace:
     """Functions carry_one (tables, acting, tracer) and carry_some (tables, acting, begin, end).
 
     Of those that something can move. Parameters as `make_kernels`.
@@ -76,7 +76,7 @@ def make_tracers(double: bool, averaged: bool, *, atomic: bool, native: bool) ->
     types = algebra(real)
     vec3, vec4 = types.vec3, types.vec4
     Tables = tables_of(real)
-    weights = make_transfers(double, averaged, atomic=atomic, native=native).weights
+    weights = make_transfers(double, averaged, native=native).weights
     zero = real(0.0)
     half_cell, one_cell, two_cells = wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
 

@@ -16,14 +16,40 @@ from gasp_mpm_host import layout as at
 from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.native import make_native
-from gasp_warp_mpm.pool import make_pool
+from gasp_warp_mpm.native_words import worded
 from gasp_warp_mpm.tables import tables_of
 
 __all__ = ["make_transfers"]
 
 
+# Four numbers that lie together, in as few accesses to memory as there can be.
+_QUAD = """
+    struct alignas(16) quad { REAL v[4]; };
+"""
+_LOAD = (
+    _QUAD
+    + """
+    const quad q = *(const quad*)((const REAL*)table.data + start);
+    return wp::vec_t<4, REAL>(q.v[0], q.v[1], q.v[2], q.v[3]);
+"""
+)
+_STORE = (
+    _QUAD
+    + """
+    *(quad*)((REAL*)table.data + start) = quad{{numbers[0], numbers[1], numbers[2], numbers[3]}};
+"""
+)
+_NODE = (
+    _QUAD
+    + """
+    const quad q = ((const quad*)grid.data)[node];
+    return wp::vec_t<4, REAL>(q.v[0], q.v[1], q.v[2], q.v[3]);
+"""
+)
+
+
 @cache
-def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) -> SimpleNamespace:
+def make_transfers(double: bool, averaged: bool, *, native: bool) -> SimpleNamespace:
     """Functions scatter_dilation, mean_pressure, scatter, gather and those for rows; parameters as `make_kernels`.
 
     scatter_carried and gather_carried do the same with the grid before anything acts on it.
@@ -36,9 +62,6 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     Tables = tables_of(real)
     lines = make_native(double, averaged)
     collect, collect_carried = lines.collect, lines.collect_carried
-    pooled = make_pool(double)
-    add_to_pool, add_pair_to_pool = pooled.add_to_pool, pooled.add_pair_to_pool
-    place_in_pool = pooled.place_in_pool
     mat74 = wp.types.matrix((7, 4), real)
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     half, three_halves = real(0.5), real(1.5)
@@ -54,6 +77,18 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     @wp.func
     def row3(table: Reals, start: int):
         return vec3(table[start], table[start + 1], table[start + 2])
+
+    @wp.func_native(worded(double, _LOAD))
+    def load(table: Reals, start: int) -> vec4:
+        """Four numbers from one that is a multiple of four."""
+
+    @wp.func_native(worded(double, _STORE))
+    def store(table: Reals, start: int, numbers: vec4):
+        """The other way."""
+
+    @wp.func_native(worded(double, _NODE))
+    def node_of(grid: Grid, node: int) -> vec4:
+        """What is at a node, as `load`."""
 
     @wp.func
     def row9(table: Reals, start: int):
@@ -89,29 +124,6 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return s.labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
 
     # ---- transfers --------------------------------------------------------------------------------------------------
-
-    @wp.func
-    def give(grid: Grid, pool: wp.uint64, node: int, part: vec4):
-        """Add to a node: of the pool, or, where no two threads write the same nodes, of the grid."""
-        if atomic:
-            add_to_pool(pool, node, part)
-        else:
-            grid[node] = grid[node] + part
-
-    @wp.func
-    def give_mean(s: Tables, pool: wp.uint64, node: int, part: vec2):
-        """As `give`, of dilation and volume."""
-        if atomic:
-            add_pair_to_pool(pool, node, part)
-        else:
-            s.means[node] = s.means[node] + part
-
-    @wp.func
-    def nodes_of(s: Tables, p: int, corner: wp.vec3i, first: int, sx: int, sy: int):
-        """Where a point gives: the first node of its stencil and the strides along x and y."""
-        if atomic:
-            first, sx, sy = place_in_pool(s, p, corner), 64, 8
-        return first, sx, sy
 
     @wp.func
     def stencil(s: Tables, p: int):
@@ -150,13 +162,12 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return w
 
     @wp.func
-    def scatter_dilation(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
+    def scatter_dilation(s: Tables, p: int):
         """Give the nodes a point's dilation times the root of its stiffness, weighed by its volume."""
         row = material_row(s, p)
         stiffness = real(s.materials[row + at.MEAN_STIFFNESS])
         if stiffness > zero:
-            offset, on_grid, grid_x, grid_y = stencil(s, p)
-            first, sx, sy = nodes_of(s, p, corner, on_grid, grid_x, grid_y)
+            offset, first, sx, sy = stencil(s, p)
             w = weights(offset)
             o = p * at.POINT_WIDTH
             volume = s.points[o + at.MASS] * real(s.materials[row + at.LIGHTNESS])
@@ -166,7 +177,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
                     part = (w[i, 0] * w[j, 1]) * given
                     line = first + i * sx + j * sy
                     for k in range(3):
-                        give_mean(s, pool, line + k, w[k, 2] * part)
+                        s.means[line + k] = s.means[line + k] + w[k, 2] * part
 
     @wp.func
     def mean_pressure(s: Tables, p: int, w: mat33, first: int, sx: int, sy: int):
@@ -189,9 +200,9 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         return pressure
 
     @wp.func
-    def spread(s: Tables, grid: Grid, p: int, stress: mat33, pool: wp.uint64, corner: wp.vec3i):
+    def spread(s: Tables, grid: Grid, p: int, stress: mat33):
         """A point's mass and momentum, and what its stress gives in the step, to the 27 nodes around it."""
-        offset, on_grid, grid_x, grid_y = stencil(s, p)
+        offset, first, sx, sy = stencil(s, p)
         w = weights(offset)
         d = slopes(offset)
         o = p * at.POINT_WIDTH
@@ -206,7 +217,6 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         px = vec4(S[0, 0], S[1, 0], S[2, 0], zero)
         py = vec4(S[0, 1], S[1, 1], S[2, 1], zero)
         pz = vec4(S[0, 2], S[1, 2], S[2, 2], zero)
-        first, sx, sy = nodes_of(s, p, corner, on_grid, grid_x, grid_y)
         for i in range(3):
             wi = w[i, 0] * m
             bi = wi * (start + along[i] * ax) + d[i, 0] * px
@@ -220,26 +230,27 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
                 pzij = w[j, 1] * pzi
                 line = first + i * sx + j * sy
                 for k in range(3):
-                    give(grid, pool, line + k, w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij)
+                    node = line + k
+                    grid[node] = grid[node] + (w[k, 2] * (b + along[k] * zij) + d[k, 2] * pzij)
 
     @wp.func
-    def scatter(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
+    def scatter(s: Tables, p: int):
         """A point's mass and momentum, with the step's stress."""
         t = p * at.POINT_WIDTH + at.STRESS
         diagonal = row3(s.points, t)
         shear = row3(s.points, t + 3)
         if averaged:
-            offset, on_grid, grid_x, grid_y = stencil(s, p)
-            diagonal = diagonal + vec3(mean_pressure(s, p, weights(offset), on_grid, grid_x, grid_y))
+            offset, first, sx, sy = stencil(s, p)
+            diagonal = diagonal + vec3(mean_pressure(s, p, weights(offset), first, sx, sy))
         S = real(s.step) * mat33(
             diagonal[0], shear[0], shear[1], shear[0], diagonal[1], shear[2], shear[1], shear[2], diagonal[2]
         )
-        spread(s, s.grid, p, S, pool, corner)
+        spread(s, s.grid, p, S)
 
     @wp.func
-    def scatter_carried(s: Tables, p: int, pool: wp.uint64, corner: wp.vec3i):
+    def scatter_carried(s: Tables, p: int):
         """What the point brings alone."""
-        spread(s, s.carried, p, mat33(), pool, corner)
+        spread(s, s.carried, p, mat33())
 
     @wp.func
     def gather_from(s: Tables, grid: Grid, p: int):
@@ -248,7 +259,7 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
         w = weights(offset)
         d = slopes(offset)
         # Relative to the middle node: what moves as one does not change its velocity, in whatever precision.
-        middle = grid[first + sx + sy + 1]
+        middle = node_of(grid, first + sx + sy + 1)
         V, CX, CY, CZ = vec4(), vec4(), vec4(), vec4()
         GX, GY, GZ = vec4(), vec4(), vec4()
         for i in range(3):
@@ -256,9 +267,9 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
             diy, diz = vec4(), vec4()
             for j in range(3):
                 line = first + i * sx + j * sy
-                g0 = grid[line] - middle
-                g1 = grid[line + 1] - middle
-                g2 = grid[line + 2] - middle
+                g0 = node_of(grid, line) - middle
+                g1 = node_of(grid, line + 1) - middle
+                g2 = node_of(grid, line + 2) - middle
                 t1 = w[1, 2] * g1
                 t2 = w[2, 2] * g2
                 s0 = w[0, 2] * g0 + t1 + t2
@@ -314,6 +325,8 @@ def make_transfers(double: bool, averaged: bool, *, atomic: bool, native: bool) 
     return SimpleNamespace(
         row3=row3,
         row9=row9,
+        load=load,
+        store=store,
         write9=write9,
         write_stress=write_stress,
         material_row=material_row,

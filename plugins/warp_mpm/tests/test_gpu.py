@@ -1,6 +1,5 @@
 """The way of a GPU: its kernels and its graphs, run on the CPU with one thread to a block, and compiled for a GPU."""
 
-import itertools
 import re
 import sys
 from functools import partial
@@ -9,14 +8,14 @@ import numpy as np
 import pytest
 import warp as wp
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.session import MpmSession
+from gasp_mpm_host.session import FarAwayError, MpmSession, opened
+from gasp_mpm_host.testing.agreement import COMPANIES
 from gasp_mpm_host.testing.kit import falling, nothing_acts
 from gasp_mpm_host.testing.tracers import traced
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 from gasp_warp_mpm.engine import WarpMpm
 from gasp_warp_mpm.kernels import make_kernels
-from gasp_warp_mpm.pool import LANES, make_pool
 
 from gasp_core.contract import Driven, EngineAccuracy, Field, SphereShape, Status
 from gasp_core.errors import EngineEnvironmentError, SceneError
@@ -56,6 +55,47 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     assert np.array_equal(kept["rows"].shape, (512, at.POINT_WIDTH))
 
 
+def test_the_way_of_the_gpu_meets_rigid_bodies_where_they_are(kit):
+    """Nodes and points are read and changed in the device's memory, a row a thread."""
+    problem, accuracy = COMPANIES["rigid and soft"](), EngineAccuracy(spacing=0.05, substep=5e-4)
+    ends = []
+    for session in (
+        kit.open(problem, precision="float64", spacing=0.05, substep=5e-4),
+        opened(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()),
+    ):
+        with session:
+            assert session.advance_to(0.02).status is Status.OK
+            ends.append(session.read(kit.everything).positions)
+    assert np.abs(ends[0] - ends[1]).max() <= 1e-12
+
+
+@pytest.mark.parametrize("company", [None, "three that deform"])
+def test_points_that_are_sorted_where_they_are_come_in_the_order_of_the_host(kit, company):
+    problem = traced(falling(kit)) if company is None else COMPANIES[company]()
+    accuracy = EngineAccuracy(spacing=0.05)
+    by_host = kit.open(problem, precision="float64", spacing=0.05)
+    with by_host, opened(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()) as there:
+        one, other = by_host._held, there._held
+        assert np.array_equal(one._ids, other._ids)
+        assert np.array_equal(one._tables.tiles.numpy(), other._tables.tiles.numpy())
+        assert np.array_equal(one._tables.active.numpy(), other._tables.active.numpy())
+        assert np.array_equal(one._label_rows(), other._label_rows())
+        looked, seen = one.survey(), other.survey()
+        assert all(np.array_equal(getattr(looked, name), getattr(seen, name)) for name in ("low", "high", "drift"))
+
+
+@pytest.mark.parametrize("place", [1e12, np.nan])
+def test_a_point_that_is_nowhere_is_found_where_it_is(kit, place):
+    accuracy = EngineAccuracy(spacing=0.05)
+    with opened(falling(kit), engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()) as session:
+        cloud = session._held
+        cells = cloud._cell_rows().copy()
+        cells[100, 1] = place
+        cloud._place(cells)
+        with pytest.raises(FarAwayError):
+            cloud.sort()
+
+
 def test_the_way_of_the_gpu_stops_after_the_step_in_which_a_point_drifted(kit):
     """Though the host looks only when the whole batch has been launched."""
     problem = falling(kit, colliders=(), gravity=(0, 0, 0))
@@ -73,39 +113,28 @@ def test_the_way_of_the_gpu_stops_after_the_step_in_which_a_point_drifted(kit):
         assert np.abs(travel - done * 0.75 * 0.01 * np.hypot(0.3, 2.0)).max() <= 1e-9
 
 
-def test_what_threads_of_a_block_take_is_everything_once():
-    share_of = make_pool(False).share_of
-    for begin, end in [(0, 1), (3, 67), (5, 5 + 512), (7, 7 + 1000), (11, 11)]:
-        shares = [share_of(begin, end, lane, LANES) for lane in range(LANES)]
-        assert shares[0][0] == begin
-        assert shares[-1][1] == end
-        assert all(mine[1] == following[0] for mine, following in itertools.pairwise(shares))
-        assert max(last - first for first, last in shares) <= -(-(end - begin) // LANES)
-
-
 @pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS has no compiler for CUDA")
 @pytest.mark.parametrize(("double", "averaged"), [(False, False), pytest.param(True, True, marks=pytest.mark.slow)])
 @pytest.mark.thorough
-def test_compiled_for_a_gpu_points_add_up_in_shared_memory(tmp_path, double, averaged):
-    """By NVIDIA's compiler, which comes with Warp and needs no GPU; sm_75 is the oldest that it knows.
+def test_compiled_for_a_gpu_points_add_up_in_registers(tmp_path, double, averaged):
+    """By NVIDIA's compiler, which comes with Warp and needs no GPU; sm_90 is the first that adds four numbers at once.
 
-    A point gives 27 nodes four numbers, or two of dilation, in the block's own memory. To the grid goes each node once.
+    A thread has the sums of 27 nodes, of four numbers or two of dilation, in registers alone, and adds them to the grid
+    in one place of its code.
     """
     runtime.device_for("cpu")
     kernels = make_kernels(double, frozenset({"elastic"}), averaged, averaged, atomic=True, native=False)
-    [made] = wp.compile_aot_module(kernels.module, arch=75, module_dir=tmp_path, use_ptx=True)
+    [made] = wp.compile_aot_module(kernels.module, arch=90, module_dir=tmp_path, use_ptx=True)
     text = made.read_bytes().decode(errors="replace")
     bodies = {
         name: body
         for name in ("average", "scatter", "move")
         for body in re.findall(rf"\.entry \w*__locals__{name}_\w*_forward\(.*?\n}}", text, flags=re.DOTALL)
     }
-    digits = "f64" if double else "f32"
-    within = {name: body.count(f"atom.shared.add.{digits}") for name, body in bodies.items()}
-    beyond = {name: len(re.findall(rf"atom(?:\.global)?\.add\.{digits}", body)) for name, body in bodies.items()}
-    barriers = {name: body.count("bar.sync") for name, body in bodies.items()}
-    assert (within["scatter"], beyond["scatter"]) == (27 * 4, 4)
-    assert barriers["scatter"] >= 3
+    alone = {name: len(re.findall(r"(?:atom|red)\S*\.add\.f\d", body)) for name, body in bodies.items()}
+    together = {name: body.count("red.global.add.v4.f32") for name, body in bodies.items()}
+    assert (alone["scatter"], together["scatter"]) == ((27 * 4, 0) if double else (0, 27))
+    assert (alone["move"], together["move"]) == (0, 0)
     if averaged:
-        assert (within["average"], beyond["average"]) == (27 * 2, 2)
-    assert (within["move"], beyond["move"], barriers["move"]) == (0, 0, 0)
+        assert alone["average"] == 27 * 2
+    assert not any(".local" in body for body in bodies.values())

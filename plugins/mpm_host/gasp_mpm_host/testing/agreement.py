@@ -36,7 +36,7 @@ from gasp_core.engines.opening import open_engine
 from gasp_core.errors import UnknownEngineError
 from gasp_mpm_host.testing.kit import Kit
 
-__all__ = ["AgreementTests"]
+__all__ = ["COMPANIES", "AgreementTests"]
 
 _SIDE = 0.4
 _SPACING = 0.1
@@ -175,13 +175,13 @@ def _rigid() -> PointProblem:
     )
 
 
-_COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid}
+COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid}
 
 
 @cache
 def _answer_of_company(name: str) -> PointState:
     session = _reference().open(
-        _COMPANIES[name](),
+        COMPANIES[name](),
         device="cpu",
         precision=Precision.FLOAT64,
         seed=0,
@@ -267,9 +267,9 @@ class AgreementTests:
             assert np.abs(found.deformation_gradients - expected.deformation_gradients).max() <= 1e-8
 
     @pytest.mark.parametrize("precision", ["float64", "float32"])
-    @pytest.mark.parametrize("company", _COMPANIES)
+    @pytest.mark.parametrize("company", COMPANIES)
     def test_500_steps_of_several_bodies_agree_with_the_reference(self, kit, reference, company, precision):
-        expected, problem = _answer_of_company(company), _COMPANIES[company]()
+        expected, problem = _answer_of_company(company), COMPANIES[company]()
         with kit.open(problem, precision=precision, spacing=_SPACING / 2, substep=_STEP, threads=2) as session:
             assert session.advance_to(_STEP * _STEPS).status is Status.OK
             found = session.read(kit.everything)

@@ -81,11 +81,14 @@ class Kit:
         Of a session: its points as rows.
     nodes
         Of a session: number of nodes of its grid.
+    device
+        On which sessions run; not every test holds on another one than the CPU.
     """
 
     engine_open: Callable[..., MpmSession]
     rows: Callable[[MpmSession], Rows]
     nodes: Callable[[MpmSession], int]
+    device: str = "cpu"
     materials: ClassVar[Mapping[str, Material]] = _MATERIALS
     """One of every kind, some that are nearly incompressible, some that are damped, by what they are called here."""
     everything: ClassVar[frozenset[Field]] = _EVERYTHING
@@ -100,11 +103,11 @@ class Kit:
         restart: Mapping[str, Array] | None = None,
         **accuracy: Any,
     ) -> MpmSession:
-        """A session on the CPU, with as many substeps as it takes."""
+        """A session with as many substeps as it takes."""
         accuracy.setdefault("substep_limit", 1_000_000)
         return self.engine_open(
             scene,
-            device="cpu",
+            device=self.device,
             precision=Precision(precision),
             seed=0,
             accuracy=EngineAccuracy(**accuracy),
