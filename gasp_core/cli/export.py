@@ -17,8 +17,11 @@ from gasp_core.errors import RecordingError
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
     from gasp_core.recording import Recording
+    from gasp_core.scene.objects import UpAxis
 
 __all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
+
+_AXES = ("+z", "-z", "+y", "-y", "+x", "-x")
 
 SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
 
@@ -29,6 +32,7 @@ Examples:
   gasp export plant.gasp --all --format ply       plant_frames/plant_0000.ply ...
   gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
   gasp export plant.gasp --frame 12 -o still.splat
+  gasp export plant.gasp --all --up -y            lies as trained splats do: for SuperSplat, or a scene again
   gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
 """
 )
@@ -46,6 +50,13 @@ Examples:
     is_flag=True,
     help="With the grains that pictures show of sand and water that has flowed; rows are no longer those of the file.",
 )
+@click.option(
+    "--up",
+    type=click.Choice(_AXES),
+    default="+z",
+    show_default=True,
+    help="Which axis of the files is up: -y as in trained splats, +y as in glTF, Unity and Houdini.",
+)
 @overwrite_option("files")
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
@@ -56,7 +67,14 @@ Examples:
     help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
 )
 def export(
-    run: Path, suffix: str | None, frame: int | None, every: bool, as_drawn: bool, overwrite: bool, out: Path | None
+    run: Path,
+    suffix: str | None,
+    frame: int | None,
+    every: bool,
+    as_drawn: bool,
+    up: UpAxis,
+    overwrite: bool,
+    out: Path | None,
 ) -> None:
     """Write the frames of a run as splat files.
 
@@ -81,7 +99,7 @@ def export(
         keep_what_is_there([path], overwrite)
         from gasp_core.io import write_splat
 
-        write_splat(path, _read(recording, as_drawn)(frame))
+        write_splat(path, _read(recording, as_drawn, up)(frame))
         click.echo(path)
     else:
         folder = out if out is not None else Path(f"{stem}_frames")
@@ -90,7 +108,7 @@ def export(
         lost = set(recording.lost)
         frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
         paths, damaged = export_frames(
-            _read(recording, as_drawn), frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"]
+            _read(recording, as_drawn, up), frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"]
         )
         if lost:
             damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
@@ -101,12 +119,12 @@ def export(
         leave_out(damaged)
 
 
-def _read(recording: Recording, as_drawn: bool) -> Callable[[int], Gaussians]:
-    if not as_drawn:
-        return recording.gaussians
+def _read(recording: Recording, as_drawn: bool, up: UpAxis) -> Callable[[int], Gaussians]:
     from gasp_core.recording.drawn import DrawnFrames
+    from gasp_core.scene.placement import with_up
 
-    return DrawnFrames(recording).gaussians
+    read = DrawnFrames(recording).gaussians if as_drawn else recording.gaussians
+    return read if up == "+z" else lambda frame: with_up(read(frame), up)
 
 
 def export_frames(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shlex
 import sys
@@ -17,6 +18,7 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.rehearsing import rehearsed
 from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -158,7 +160,7 @@ def run(
         return
     # What was filmed of it so far is part of a run that goes on.
     keep_what_is_there(films, overwrite or resume, "--render")
-    with resumable(folder, command):
+    with resumable(folder, command), rehearsed() if films else contextlib.nullcontext():
         with filmed(folder, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
             recording = simulate(
                 loaded,

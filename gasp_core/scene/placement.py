@@ -15,7 +15,7 @@ from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternio
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.scene.objects import SplatObject, UpAxis
 
-__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "up_axis", "upright"]
+__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "up_axis", "upright", "with_up"]
 
 Array = NDArray[Any]
 
@@ -57,6 +57,11 @@ def up_axis(item: SplatObject) -> UpAxis:
 def upright(up: UpAxis) -> Array:
     """Rotation (3, 3) that takes the axis `up` to +z."""
     return np.array(_UPRIGHT[up], dtype=np.float64)
+
+
+def with_up(gaussians: Gaussians, up: UpAxis) -> Gaussians:
+    """Gaussians whose +z is up, turned so that `up` is; put into a scene that says so they stand as they did."""
+    return place(gaussians, Placement(rotation=upright(up).T, scale=1.0, translation=np.zeros(3)))
 
 
 def robust_box(positions: Array) -> tuple[Array, Array]:

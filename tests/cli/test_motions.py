@@ -5,7 +5,8 @@ import importlib.util
 import numpy as np
 import pytest
 
-from gasp_core import Recording, read_splat
+from gasp_core import Recording, Scene, SplatObject, read_splat
+from gasp_core.dynamics.placed_scene import place_scene
 from gasp_core.rendering.footage import open_footage
 
 SWAY = """\
@@ -44,6 +45,14 @@ def test_a_function_beside_the_scene(gasp, workplace, scene, toy):
     exported = read_splat(sorted((workplace / "frames").iterdir())[2])
     np.testing.assert_allclose(exported.means, moved.gaussians(2).means, atol=1e-6)
     np.testing.assert_allclose(open_footage("moving.gasp").positions(2), moved.gaussians(2).means, atol=1e-6)
+
+
+def test_frames_that_lie_as_trained_splats_do_are_read_as_they_stood(gasp, workplace, scene):
+    assert gasp("run", "scene.toml").status == 0
+    assert gasp("export", "scene.gasp", "--frame", "2", "--up", "-y", "-o", "lying.ply").status == 0
+    item = SplatObject(name="again", splat=workplace / "lying.ply", static=True)
+    stood = place_scene(Scene(duration=1.0, frame_rate=1, objects=(item,))).gaussians
+    np.testing.assert_allclose(stood.means, Recording.open(workplace / "scene.gasp").gaussians(2).means, atol=1e-6)
 
 
 def test_the_frames_of_a_run_are_a_motion(gasp, workplace, scene):

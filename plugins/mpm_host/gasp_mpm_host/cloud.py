@@ -213,16 +213,16 @@ class SortedCloud(ABC):
         if not float(np.abs(self._cell_rows()).max()) < CELL_LIMIT:
             raise FarAwayError
         self._settle()
-        return home_boxes(self._homes(), self._bodies[self._ids], len(self._stands))
+        return home_boxes(self._home_rows(), self._bodies[self._ids], len(self._stands))
 
     def _put_in_order(self, lower: Array, shape: Array) -> tuple[Array, Array]:
         """Put the points into the order of their homes; cells (C,) and counts (C,) as in `CellTables`."""
-        order, cells, counts = cell_order(self._homes(), lower, shape)
+        order, cells, counts = cell_order(self._home_rows(), lower, shape)
         self._permute(order)
         self._ids = self._ids[order]
         return cells, counts
 
-    def _homes(self) -> Array:
+    def _home_rows(self) -> Array:
         return self._label_rows()[:, at.HOME : at.HOME + 3]
 
     def _put_apart(self, boxes: Array) -> Array:
