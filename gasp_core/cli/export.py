@@ -12,6 +12,7 @@ import click
 
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.up_axes import UP_AXES
 from gasp_core.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from gasp_core.scene.objects import UpAxis
 
 __all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
-
-_AXES = ("+z", "-z", "+y", "-y", "+x", "-x")
 
 SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
 
@@ -52,7 +51,7 @@ Examples:
 )
 @click.option(
     "--up",
-    type=click.Choice(_AXES),
+    type=click.Choice(UP_AXES),
     default="+z",
     show_default=True,
     help="Which axis of the files is up: -y as in trained splats, +y as in glTF, Unity and Houdini.",

@@ -10,6 +10,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.up_axes import UP_AXES
 
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["inspect"]
 
 _MOST_SHOWN = 12
-_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @click.command(
@@ -39,7 +39,7 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
 @click.option("--solid", is_flag=True, help="Find the body that the splat is the surface of, and draw slices of it.")
 @click.option("--slices", type=click.Path(path_type=Path), help="Where to. [default: NAME.solid.png]")
 @click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")
-@click.option("--up", type=click.Choice(_AXES), default="-y", show_default=True, help="The file's axis that is up.")
+@click.option("--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The file's axis that is up.")
 @overwrite_option("a picture of slices")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def inspect(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gasp_core import Elastic, Gaussians, SplatObject
+from gasp_core.cli import up_axes
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis
@@ -15,6 +16,10 @@ JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 
 def thing(splat, **options):
     return SplatObject(name="thing", splat=splat, material=JELLY, **options)
+
+
+def test_options_offer_the_axes_there_are():
+    assert up_axes.UP_AXES == UP_AXES
 
 
 @pytest.mark.parametrize("up", UP_AXES)

@@ -20,7 +20,7 @@ from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings, alone, bodies_of_columns, home_boxes, meetings, stands_for
-from gasp_mpm_host.cells import BLOCK, CellTables, cell_order, grid_box, tabulate
+from gasp_mpm_host.cells import BLOCK, CellTables, arrange, cell_order, grid_box, tabulate
 from gasp_mpm_host.rows import DAMAGED, Rows, standing
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
@@ -67,6 +67,7 @@ class SortedCloud(ABC):
         self._flowing = any(is_flowing(materials[index]) for index in used)
         self._fluids = np.array([material.kind == "fluid" for material in materials])
         self._traced = 0 if points.tracer_positions is None else len(points.tracer_positions)
+        self._margin = TRACER_MARGIN if self._traced else 0
         self._capacity = 0
         self._problem = problem
         self._bodies = points.body_ids
@@ -102,12 +103,10 @@ class SortedCloud(ABC):
             self._seed()
         else:
             homes = rows.labels[:, at.HOME : at.HOME + 3]
-            boxes = home_boxes(homes, self._bodies[rows.ids], len(self._stands))
-            lower, shape = self._box(boxes)
-            order, cells, counts = cell_order(homes, lower, shape)
-            found = self._tabulate(boxes, tabulate(lower, shape, cells, counts))
+            found, order = arrange(homes, _NODE_LIMIT, self._margin)
             if not np.array_equal(order, np.arange(self._count)):
                 raise SceneError(f"{engine}: the checkpoint's points are not in the order of their cells: {DAMAGED}")
+            self._use(found, home_boxes(homes, self._bodies[rows.ids], len(self._stands)))
             self._wake(tracers, found)
 
     def _kept_stands(self, restart: Mapping[str, Array], engine: str) -> Array:
@@ -197,9 +196,9 @@ class SortedCloud(ABC):
             self._place(self._cell_rows() + change[self._bodies[self._ids]])
             boxes = self._settled()
             tracers = tracers.standing(change[self._tracer_bodies[tracers.ids]])
-        lower, shape = self._box(boxes)
-        cells, counts = self._put_in_order(lower, shape)
-        found = self._tabulate(boxes, tabulate(lower, shape, cells, counts))
+        lower, shape = grid_box(boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0), _NODE_LIMIT, self._margin)
+        found = tabulate(lower, shape, *self._put_in_order(lower, shape))
+        self._use(found, boxes)
         self._wake(tracers.settled(), found)
 
     def _settled(self) -> Array:
@@ -227,27 +226,20 @@ class SortedCloud(ABC):
 
     def _put_apart(self, boxes: Array) -> Array:
         """By how much the stands (B, 3) of the bodies had to change and did; `boxes` are those of their homes."""
-        margin = TRACER_MARGIN if self._traced else 0
-        found = stands_for(boxes - self._stands[:, None], self._stands, margin)
+        found = stands_for(boxes - self._stands[:, None], self._stands, self._margin)
         change = found - self._stands
         self._stands = found
         return change
 
-    def _box(self, boxes: Array) -> tuple[Array, Array]:
-        """First node and shape of the grid that fits the homes."""
-        margin = TRACER_MARGIN if self._traced else 0
-        return grid_box(boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0), _NODE_LIMIT, margin)
-
-    def _tabulate(self, boxes: Array, found: CellTables) -> CellTables:
+    def _use(self, found: CellTables, boxes: Array) -> None:
         """Take these tables from now on; the boxes are those of the homes in them."""
-        self._columns = bodies_of_columns(boxes, found, TRACER_MARGIN if self._traced else 0)
+        self._columns = bodies_of_columns(boxes, found, self._margin)
         self._set_grid(found, self._stands[self._columns].astype(np.int32))
         nodes = int(np.prod(found.shape))
         if nodes > self._capacity:
             # Some room to grow into; what is never touched costs no memory.
             self._capacity = min(_NODE_LIMIT, nodes + nodes // 2)
             self._make_room(self._capacity)
-        return found
 
     def _wake(self, rows: TracerRows, found: CellTables) -> None:
         """Sort the tracers, make the blocks active that they read, and see which bodies meet."""

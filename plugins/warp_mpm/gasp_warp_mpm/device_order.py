@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,10 @@ class DeviceOrder(SortedCloud):
     def _permute_by(self, order: Any) -> None:
         """Put the points into the order of the rows `order`, which is in that memory."""
 
+    @cached_property
+    def _bodies_there(self) -> Any:
+        return self._put(self._bodies, wp.int32)
+
     @property
     def _ids(self) -> Array:
         """(N,) int32, which of the scene's points each row is: brought here when somebody asks."""
@@ -57,11 +62,11 @@ class DeviceOrder(SortedCloud):
     def _settled(self) -> Array:
         if not self._atomic:
             return super()._settled()
-        count = len(self._stands)
+        kernels, count = self._kernels.order, len(self._stands)
         boxes = self._empty(count * BOX_WIDTH, wp.int32)
-        bodies = self._put(self._bodies, wp.int32)
-        self._launch(self._kernels.order.begin_boxes, count, boxes)
-        self._launch(self._kernels.order.box_homes, -(-self._count // POINTS_A_BOX), self._ids_there, bodies, boxes)
+        self._launch(kernels.begin_boxes, count, boxes)
+        threads = -(-self._count // POINTS_A_BOX)
+        self._launch(kernels.box_homes, threads, self._ids_there, self._bodies_there, boxes)
         found = boxes.numpy().reshape(count, BOX_WIDTH)
         if found[:, -1].any():
             raise FarAwayError

@@ -66,9 +66,8 @@ def make_kernels(
     row9, write9, write_stress = transfers.row9, transfers.write9, transfers.write_stress
     load, store = transfers.load, transfers.store
     material_row, gather, scatter = transfers.material_row, transfers.gather, transfers.scatter
-    stencil, weights = transfers.stencil, transfers.weights
     scatter_carried = transfers.scatter_carried
-    scatter_dilation, mean_pressure = transfers.scatter_dilation, transfers.mean_pressure
+    scatter_dilation, keep_pressures = transfers.scatter_dilation, transfers.keep_pressures
     flows = bool(kinds - {"elastic", "neo-hookean"})
     blocks = make_blocks(double, averaged, flows)
     clear_block, divide_block = blocks.clear_block, blocks.divide_block
@@ -214,11 +213,7 @@ def make_kernels(
         """The points begin .. end of a tile, in their order."""
         if native:
             if averaged:
-                for p in range(begin, end):
-                    offset, first, sx, sy = stencil(s, p)
-                    s.points[p * at.POINT_WIDTH + at.MEAN_PRESSURE] = mean_pressure(
-                        s, p, weights(offset), first, sx, sy
-                    )
+                keep_pressures(s, begin, end)
             spread(s, begin, end)
             if flows:
                 spread_carried(s, begin, end)

@@ -13,9 +13,8 @@ from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
-from gasp_mpm_host import layout as at
 
-from gasp_warp_mpm.native_words import worded
+from gasp_warp_mpm.native_words import constants, worded
 from gasp_warp_mpm.tables import CLAMPED, DRIFTED, Acting, tables_of
 
 __all__ = ["GROUP", "make_native"]
@@ -29,10 +28,7 @@ _NAMES = (
 )
 
 _PRELUDE = (
-    "enum { "
-    + ", ".join(f"{name} = {getattr(at, name)}" for name in _NAMES)
-    + f", CLAMPED = {CLAMPED}, DRIFTED = {DRIFTED}, GROUP = {GROUP}"
-    + " };"
+    constants(*_NAMES, CLAMPED=CLAMPED, DRIFTED=DRIFTED, GROUP=GROUP)
     + """
     #define FOUR(x, k) __builtin_shufflevector(x, x, 4*k, 4*k+1, 4*k+2, 4*k+3)
     typedef REAL quad __attribute__((ext_vector_type(4), aligned(sizeof(REAL))));

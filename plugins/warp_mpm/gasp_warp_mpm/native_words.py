@@ -6,10 +6,12 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from gasp_mpm_host import layout as at
+
 from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_core.stepping.shock import SHOCK_VISCOSITY
 
-__all__ = ["worded"]
+__all__ = ["constants", "worded"]
 
 _PRECISION_WORDS: Mapping[bool, Mapping[str, str]] = MappingProxyType(
     {
@@ -45,6 +47,12 @@ _SHARED_WORDS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Of both: bounds, and how much of the velocity gradient is that of the slopes."""
+
+
+def constants(*names: str, **others: int) -> str:
+    """Places in rows as `layout` has them under these names, and other numbers, for native code."""
+    numbers = {name: getattr(at, name) for name in names} | others
+    return "enum { " + ", ".join(f"{name} = {number}" for name, number in numbers.items()) + " };"
 
 
 def worded(double: bool, text: str, **words: str) -> str:

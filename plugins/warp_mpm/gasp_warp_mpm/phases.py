@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from gasp_mpm_host import layout as at
 
 from gasp_warp_mpm.blocks import BLOCK_NODES
 from gasp_warp_mpm.rows import make_rows
@@ -41,7 +40,7 @@ def make_phases(
     They are in Warp's module `module`.
     """
     Tables = tables_of(wp.float64 if double else wp.float32)
-    stencil, weights, mean_pressure = transfers.stencil, transfers.weights, transfers.mean_pressure
+    keep_pressures = transfers.keep_pressures
     runs = make_runs(double, averaged)
     give, give_carried, give_dilation = runs.give, runs.give_carried, runs.give_dilation
     block_corner, clear_node = blocks.block_corner, blocks.clear_node
@@ -61,11 +60,7 @@ def make_phases(
             begin = wp.tid() * RUN
             end = wp.min(begin + RUN, s.count)
             if averaged:
-                for p in range(begin, end):
-                    offset, first, sx, sy = stencil(s, p)
-                    s.points[p * at.POINT_WIDTH + at.MEAN_PRESSURE] = mean_pressure(
-                        s, p, weights(offset), first, sx, sy
-                    )
+                keep_pressures(s, begin, end)
             give(s, begin, end)
             if flowing:
                 give_carried(s, begin, end)

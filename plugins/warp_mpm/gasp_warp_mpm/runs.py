@@ -13,9 +13,8 @@ from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
-from gasp_mpm_host import layout as at
 
-from gasp_warp_mpm.native_words import worded
+from gasp_warp_mpm.native_words import constants, worded
 from gasp_warp_mpm.tables import tables_of
 
 __all__ = ["RUN", "make_runs"]
@@ -29,9 +28,7 @@ _NAMES = (
 )
 
 _BEGIN = (
-    "enum { "
-    + ", ".join(f"{name} = {getattr(at, name)}" for name in _NAMES)
-    + " };"
+    constants(*_NAMES)
     + """
     // As wide as one access to memory may be.
     struct alignas(16) quad { REAL v[4]; };

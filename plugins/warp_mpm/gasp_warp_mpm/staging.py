@@ -119,7 +119,9 @@ class StagedSteps(DeviceOrder):
         places, velocities = (self._empty(len(rows), wp.vec3d) for _ in range(2))
         self._launch_rows(self._kernels.phases.read_points, rows, places, velocities)
         cells = places.numpy().reshape(-1, 3)
-        return cells - self._stands[self._bodies[self._ids[rows]]], velocities.numpy().reshape(-1, 3)
+        if self._stands.any():
+            cells = cells - self._stands[self._bodies[self._ids[rows]]]
+        return cells, velocities.numpy().reshape(-1, 3)
 
     def nudge(self, rows: Array, change: Array, step: float) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""

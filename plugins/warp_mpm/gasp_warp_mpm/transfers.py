@@ -200,6 +200,13 @@ def make_transfers(double: bool, averaged: bool, *, native: bool) -> SimpleNames
         return pressure
 
     @wp.func
+    def keep_pressures(s: Tables, begin: int, end: int):
+        """Write the mean pressure of points begin .. end into their rows, for native code that gives their momentum."""
+        for p in range(begin, end):
+            offset, first, sx, sy = stencil(s, p)
+            s.points[p * at.POINT_WIDTH + at.MEAN_PRESSURE] = mean_pressure(s, p, weights(offset), first, sx, sy)
+
+    @wp.func
     def spread(s: Tables, grid: Grid, p: int, stress: mat33):
         """A point's mass and momentum, and what its stress gives in the step, to the 27 nodes around it."""
         offset, first, sx, sy = stencil(s, p)
@@ -334,7 +341,7 @@ def make_transfers(double: bool, averaged: bool, *, native: bool) -> SimpleNames
         weights=weights,
         slopes=slopes,
         scatter_dilation=scatter_dilation,
-        mean_pressure=mean_pressure,
+        keep_pressures=keep_pressures,
         scatter=scatter,
         scatter_carried=scatter_carried,
         gather=collected if native else gather,
