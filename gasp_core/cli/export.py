@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
 
-SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz"}
+SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz", "sog": ".sog", "glb": ".glb"}
 
 
 @click.command(
@@ -31,6 +31,7 @@ Examples:
   gasp export plant.gasp --all --format ply       plant_frames/plant_0000.ply ...
   gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
   gasp export plant.gasp --frame 12 -o still.splat
+  gasp export plant.gasp --frame 12 -o still.glb  for what reads glTF with KHR_gaussian_splatting
   gasp export plant.gasp --all --up -y            lies as trained splats do: for SuperSplat, or a scene again
   gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
 """
@@ -40,7 +41,7 @@ Examples:
     "--format",
     "suffix",
     type=click.Choice(list(SUFFIXES)),
-    help="ply keeps everything; splat and spz are smaller. [default: as --out ends, else ply]",
+    help="ply keeps everything; splat, spz and sog are smaller; glb is glTF. [default: as --out ends, else ply]",
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
 @most_memory_option
@@ -52,9 +53,8 @@ Examples:
 @click.option(
     "--up",
     type=click.Choice(UP_AXES),
-    default="+z",
-    show_default=True,
-    help="Which axis of the files is up: -y as in trained splats, +y as in glTF, Unity and Houdini.",
+    help="Which axis of the files is up: -y as in trained splats, +y as in Unity and Houdini. "
+    "[default: +z; of glb +y, as glTF has it]",
 )
 @overwrite_option("files")
 @click.option("--all", "every", is_flag=True, help="Every frame.")
@@ -71,7 +71,7 @@ def export(
     frame: int | None,
     every: bool,
     as_drawn: bool,
-    up: UpAxis,
+    up: UpAxis | None,
     overwrite: bool,
     out: Path | None,
 ) -> None:
@@ -98,17 +98,16 @@ def export(
         keep_what_is_there([path], overwrite)
         from gasp_core.io import write_splat
 
-        write_splat(path, _read(recording, as_drawn, up)(frame))
+        write_splat(path, _read(recording, as_drawn, up, path.suffix.lower())(frame))
         click.echo(path)
     else:
-        folder = out if out is not None else Path(f"{stem}_frames")
-        earlier = frames_in(folder, stem=stem, suffix=SUFFIXES[suffix or "ply"])
+        folder, ending = out if out is not None else Path(f"{stem}_frames"), SUFFIXES[suffix or "ply"]
+        read = _read(recording, as_drawn, up, ending)
+        earlier = frames_in(folder, stem=stem, suffix=ending)
         keep_what_is_there(earlier, overwrite)
         lost = set(recording.lost)
         frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
-        paths, damaged = export_frames(
-            _read(recording, as_drawn, up), frames, folder, stem=stem, suffix=SUFFIXES[suffix or "ply"]
-        )
+        paths, damaged = export_frames(read, frames, folder, stem=stem, suffix=ending)
         if lost:
             damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
         for path in set(earlier) - set(paths):
@@ -118,12 +117,18 @@ def export(
         leave_out(damaged)
 
 
-def _read(recording: Recording, as_drawn: bool, up: UpAxis) -> Callable[[int], Gaussians]:
+def _read(recording: Recording, as_drawn: bool, up: UpAxis | None, suffix: str) -> Callable[[int], Gaussians]:
+    """What reads frames, turned so that `up` is up in files of that format."""
     from gasp_core.recording.drawn import DrawnFrames
     from gasp_core.scene.placement import with_up
 
+    if suffix == SUFFIXES["glb"]:
+        if up not in (None, "+y"):
+            raise click.UsageError(f"--up {up} contradicts .glb: in glTF +y is up, leave --up out")
+        # As a trained splat lies; writing turns it.
+        up = "-y"
     read = DrawnFrames(recording).gaussians if as_drawn else recording.gaussians
-    return read if up == "+z" else lambda frame: with_up(read(frame), up)
+    return read if up in (None, "+z") else lambda frame: with_up(read(frame), up)
 
 
 def export_frames(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gasp_core.cli.levels import level_option
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json
@@ -27,14 +28,16 @@ _MOST_SHOWN = 12
 Examples:
   gasp inspect plant.splat
   gasp inspect bust.sog --json | jq .count
+  gasp inspect robot/lod-meta.json --level 2       # of a streamed SOG; 0, the finest, is what a scene takes
   gasp inspect plant.splat --height 0.4            # where things are in a scene, e.g. for a pin
   gasp inspect statue.sog --solid --height 0.4     # the body inside, and slices of it
 
 \b
-Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
+Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or streamed).
 """
 )
 @click.argument("file", type=click.Path(path_type=Path))
+@level_option
 @most_memory_option
 @click.option("--solid", is_flag=True, help="Find the body that the splat is the surface of, and draw slices of it.")
 @click.option("--slices", type=click.Path(path_type=Path), help="Where to. [default: NAME.solid.png]")
@@ -43,7 +46,14 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip or folder).
 @overwrite_option("a picture of slices")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def inspect(
-    file: Path, solid: bool, slices: Path | None, height: float | None, up: Any, overwrite: bool, as_json: bool
+    file: Path,
+    level: int,
+    solid: bool,
+    slices: Path | None,
+    height: float | None,
+    up: Any,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Describe a splat file and say what is odd about it.
 
@@ -60,7 +70,7 @@ def inspect(
         slices = slices or Path(f"{file.stem or file.name}.solid.png")
     if slices is not None:
         keep_what_is_there([slices], overwrite, "--slices")
-    gaussians, kind = read(file)
+    gaussians, kind = read(file, level=level)
     summary = summarise(gaussians, path=str(file), kind=kind)
     told, lines = summary.to_json(), [summary.to_text()]
     told["parts"], text = _for_parts(file, gaussians, kind)

@@ -14,6 +14,7 @@ from gasp_core.dynamics.frame_sequence import frame_files
 from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
+from gasp_core.io.detect import INDICES
 from gasp_core.io.digests import add_content
 from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
@@ -95,7 +96,7 @@ def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
     first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
     gaussians = read_splat(first)
     digest = hashlib.sha256()
-    add_content(digest, item.splat)
+    add_content(digest, item.splat.parent if item.splat.name in INDICES else item.splat)
     return gaussians, digest.hexdigest()
 
 

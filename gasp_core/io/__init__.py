@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 __all__ = ["memory_limit", "read_splat", "write_splat"]
 
 
-def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
+def read_splat(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> Gaussians:
     """Read a splat file, whatever its format.
 
     INRIA ``.ply`` (binary or text, spherical harmonics of degree 0-4, properties in any order and of any numeric
     type), compressed ``.ply`` of PlayCanvas (old and new chunks), ``.splat``, ``.spz`` (versions 1-4) and SOG
-    (versions 1 and 2; a ``.sog``, its folder or its ``meta.json``). Content decides before the suffix does.
+    (versions 1 and 2; a ``.sog``, its folder or its ``meta.json``; a streamed one, its folder or its
+    ``lod-meta.json``). Content decides before the suffix does.
 
     The result is in the ordinary 3DGS frame of the file (a ``.spz``, stored right-up-back, reads as the ``.ply`` it
     came from); up axis and units are the scene's business. Rows are kept as they are, non-finite ones too, and
@@ -30,10 +31,14 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
     Parameters
     ----------
     path
-        File, or folder with a ``meta.json``.
+        File, or folder with a ``meta.json`` or ``lod-meta.json``.
     flat_axis
         Which of a Gaussian's axes has no thickness in a ``.ply`` of only two scales: 2 as 2DGS has it (its normal is
         the rotation's third column; default), 0 as GaMeS and D-MiSo have it. Other files do not use it.
+
+    level
+        Of a streamed SOG, 0 the finest; its chunks are put together, its environment is left out. Other files have
+        level 0 alone.
 
     Returns
     -------
@@ -48,11 +53,12 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2) -> Gaussians:
     """
     from gasp_core.io.detect import read
 
-    return read(path, flat_axis=flat_axis)[0]
+    return read(path, flat_axis=flat_axis, level=level)[0]
 
 
 def write_splat(path: str | PathLike[str], gaussians: Gaussians) -> None:
-    """Write a splat file; the suffix says which format: ``.ply`` (INRIA, float32), ``.splat`` or ``.spz``.
+    """Write a splat file; the suffix says which format: ``.ply`` (INRIA, float32), ``.splat``, ``.spz``,
+    ``.sog`` (version 2) or ``.glb`` (glTF with KHR_gaussian_splatting, which is not read).
 
     The file appears whole or not at all. What a format cannot hold is dropped as
     :func:`gasp_core.io.convert.losses` tells.
@@ -67,7 +73,7 @@ def write_splat(path: str | PathLike[str], gaussians: Gaussians) -> None:
     Raises
     ------
     SplatFormatError
-        Where the suffix is not one of the three, the Gaussians cannot be stored so, or the disk refuses.
+        Where the suffix is none of these, the Gaussians cannot be stored so, or the disk refuses.
     """
     from gasp_core.io.detect import write
 

@@ -17,15 +17,17 @@ __all__ = ["convert", "losses"]
 Array = NDArray[Any]
 
 
-def convert(source: str | PathLike[str], target: str | PathLike[str], *, flat_axis: int = 2) -> tuple[str, ...]:
+def convert(
+    source: str | PathLike[str], target: str | PathLike[str], *, flat_axis: int = 2, level: int = 0
+) -> tuple[str, ...]:
     """Read one splat file and write it as another.
 
     Parameters
     ----------
     source, target
         As `read_splat` and `write_splat` take them.
-    flat_axis
-        As `read_splat` takes it.
+    flat_axis, level
+        As `read_splat` takes them.
 
     Returns
     -------
@@ -37,7 +39,7 @@ def convert(source: str | PathLike[str], target: str | PathLike[str], *, flat_ax
     SplatFormatError
         As reading and writing do.
     """
-    gaussians = read_splat(source, flat_axis=flat_axis)
+    gaussians = read_splat(source, flat_axis=flat_axis, level=level)
     write_splat(target, gaussians)
     return losses(gaussians, Path(fspath(target)).suffix.lower())
 
@@ -50,7 +52,7 @@ def losses(gaussians: Gaussians, suffix: str) -> tuple[str, ...]:
     gaussians
         Finite.
     suffix
-        ``.ply``, ``.splat`` or ``.spz``.
+        ``.ply``, ``.splat``, ``.spz``, ``.sog`` or ``.glb``.
 
     Returns
     -------
@@ -59,7 +61,8 @@ def losses(gaussians: Gaussians, suffix: str) -> tuple[str, ...]:
     """
     if suffix == ".ply":
         return ("positions are rounded to float32",) if gaussians.means.dtype == np.float64 else ()
-    return _splat_losses(gaussians) if suffix == ".splat" else _spz_losses(gaussians)
+    told = {".splat": _splat_losses, ".spz": _spz_losses, ".sog": _sog_losses, ".glb": _glb_losses}
+    return told[suffix](gaussians)
 
 
 def _splat_losses(gaussians: Gaussians) -> tuple[str, ...]:
@@ -92,6 +95,28 @@ def _spz_losses(gaussians: Gaussians) -> tuple[str, ...]:
     dc, directional = harmonics[:, 0], harmonics[:, 1:16]
     lost += _clipped("colours", np.abs(dc) > (0.5 + 0.5 / 255) / 0.15, "-3.33..3.33")
     lost += _clipped("harmonics", (directional < -1 - 0.5 / 128) | (directional > 127.5 / 128), "-1..1")
+    return tuple(lost)
+
+
+def _sog_losses(gaussians: Gaussians) -> tuple[str, ...]:
+    from gasp_core.io.sog_writing import position_step
+
+    step = position_step(gaussians.means)
+    lost = [
+        f"positions are rounded to {step:.2g}, scales and colours to 256 values each, opacities to 1/255, rotations "
+        "to 1/180"
+    ]
+    if gaussians.sh_degree:
+        lost.append("harmonics of degree >= 1 are rounded to 256 values, those of all Gaussians to 65,536 sets of them")
+    if gaussians.sh_degree > 3:
+        lost.append("harmonics of degree 4 are dropped")
+    return tuple(lost)
+
+
+def _glb_losses(gaussians: Gaussians) -> tuple[str, ...]:
+    lost = ["positions are rounded to float32"] if gaussians.means.dtype == np.float64 else []
+    if gaussians.sh_degree > 3:
+        lost.append("harmonics of degree 4 are dropped")
     return tuple(lost)
 
 

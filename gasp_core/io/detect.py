@@ -13,17 +13,20 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
 
-__all__ = ["READ", "WRITTEN", "read", "write"]
+__all__ = ["INDICES", "READ", "WRITTEN", "read", "write"]
 
-READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json")
-WRITTEN = (".ply", ".splat", ".spz")
+READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json or lod-meta.json")
+WRITTEN = (".ply", ".splat", ".spz", ".sog", ".glb")
+
+INDICES = ("meta.json", "lod-meta.json")
+"""Files that name others beside and below them."""
 
 _FOLDER = 'name a file, or the folder of one splat (a folder of frames wants motion = { kind = "frames" } in a scene)'
 _LFS = b"version https://git-lfs"
 _ANNEX = b"/annex/objects/"
 
 
-def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, str]:
+def read(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> tuple[Gaussians, str]:
     """Gaussians of a file or folder, and the name of its format.
 
     Raises
@@ -36,7 +39,7 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, s
     if "\0" in fspath(path):
         raise malformed(path, "a path cannot hold a null character", "check the path")
     try:
-        return _read(Path(fspath(path)), flat_axis)
+        return _read(Path(fspath(path)), flat_axis, level)
     except OSError as error:
         raise malformed(
             path, f"cannot be read: {error.strerror or error}", "check the path and its permissions"
@@ -45,22 +48,27 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2) -> tuple[Gaussians, s
         raise malformed(path, "does not fit into memory", "give a smaller splat, or a machine with more") from error
 
 
-def _read(path: Path, flat_axis: int) -> tuple[Gaussians, str]:
+def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
     from gasp_core.io.sog import ZIP_MAGIC, read_sog_folder, read_sog_zip
+    from gasp_core.io.sog_levels import is_set_of_levels, level_counts, read_level
     from gasp_core.io.spz import GZIP_MAGIC, SPZ_MAGIC, read_spz
 
     found = path.stat()
+    if is_set_of_levels(path):
+        return read_level(path, level), f"streamed sog, level {level} of 0 to {len(level_counts(path)) - 1}"
+    if level != 0:
+        raise malformed(path, f"is of one level, there is no level {level}", "leave the level out")
     mode = found.st_mode
     if stat.S_ISDIR(mode):
         if not (path / "meta.json").is_file():
-            raise malformed(path, "is a folder without meta.json, so no SOG", _FOLDER)
+            raise malformed(path, "is a folder without meta.json or lod-meta.json, so no SOG", _FOLDER)
         gaussians, version = read_sog_folder(path)
         return gaussians, f"sog v{version} folder"
     if not stat.S_ISREG(mode):
         raise malformed(path, "is no ordinary file", "name a file or a folder")
     if path.suffix.lower() == ".json":
         if path.name != "meta.json":
-            raise malformed(path, "is no splat", "name the folder, or the meta.json, of one splat")
+            raise malformed(path, "is no splat", f"name the folder, or the {' or '.join(INDICES)}, of one splat")
         gaussians, version = read_sog_folder(path.parent)
         return gaussians, f"sog v{version} folder"
 
@@ -111,7 +119,9 @@ def write(path: str | PathLike[str], gaussians: Gaussians) -> None:
     """
     from gasp_core.io.atomic import replacing
     from gasp_core.io.dot_splat import write_dot_splat
+    from gasp_core.io.glb import write_glb
     from gasp_core.io.inria import write_inria
+    from gasp_core.io.sog_writing import write_sog
     from gasp_core.io.spz import write_spz
 
     target = Path(fspath(path))
@@ -123,13 +133,15 @@ def write(path: str | PathLike[str], gaussians: Gaussians) -> None:
         raise malformed(target, "there are no Gaussians to write", "check what was selected")
     if suffix != ".ply":
         _refuse_unstorable(target, gaussians)
+    writers = {
+        ".ply": write_inria,
+        ".splat": write_dot_splat,
+        ".spz": write_spz,
+        ".sog": write_sog,
+        ".glb": write_glb,
+    }
     with replacing(target) as stream:
-        if suffix == ".ply":
-            write_inria(stream, gaussians)
-        elif suffix == ".splat":
-            write_dot_splat(stream, gaussians)
-        else:
-            write_spz(stream, gaussians)
+        writers[suffix](stream, gaussians)
 
 
 def _refuse_unstorable(path: Path, gaussians: Gaussians) -> None:

@@ -9,14 +9,13 @@ compiled code that checks neither codebooks nor images against them.
 
 from __future__ import annotations
 
-import json
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path, PurePosixPath
-from typing import Any, NoReturn, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +25,18 @@ from gasp_core.io.activations import exponential, sigmoid
 from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_too_large
 from gasp_core.io.rotations import restore_largest
+from gasp_core.io.sog_meta import LONGEST_META, META, Meta, as_number, parse_meta
 from gasp_core.io.webp import decode_webp
 
-__all__ = ["ZIP_MAGIC", "read_sog_folder", "read_sog_zip", "sog_version"]
+__all__ = [
+    "BASES_OF_DEGREE",
+    "LARGEST_PALETTE",
+    "PALETTE_WIDTH",
+    "ZIP_MAGIC",
+    "read_sog_folder",
+    "read_sog_zip",
+    "sog_version",
+]
 
 Array = NDArray[Any]
 Fetch = Callable[[str, int], bytes]
@@ -36,15 +44,12 @@ Fetch = Callable[[str, int], bytes]
 
 ZIP_MAGIC = b"PK\x03\x04"
 
-_META = "meta.json"
-_LONGEST_META = 1 << 18
-"""Bytes; three codebooks are 20 kB. JSON of nothing but brackets takes 25 times its length."""
 _MOST_MEMBERS = 1000
 _SPARE_PIXELS = 1 << 17
 """Beyond two for each Gaussian, for writers that fill up rows of 4096."""
-_PALETTE_WIDTH = 64
-_LARGEST_PALETTE = 1 << 16
-_BASES_OF_DEGREE = {1: 3, 2: 8, 3: 15}
+PALETTE_WIDTH = 64
+LARGEST_PALETTE = 1 << 16
+BASES_OF_DEGREE = {1: 3, 2: 8, 3: 15}
 _ATTRIBUTES = ("means", "scales", "quats", "sh0", "shN")
 
 
@@ -65,10 +70,10 @@ def read_sog_zip(data: bytes, path: Path) -> tuple[Gaussians, int]:
         raise malformed(path, "it begins as a zip but is none, or is truncated") from error
     with archive:
         names = archive.namelist()
-        metas = [name for name in names if PurePosixPath(name).name == _META]
+        metas = [name for name in names if PurePosixPath(name).name == META]
         if len(metas) != 1:
-            raise malformed(path, f"the zip holds {len(metas)} files {_META}, not one", "give a .sog of one splat")
-        root = metas[0][: -len(_META)]
+            raise malformed(path, f"the zip holds {len(metas)} files {META}, not one", "give a .sog of one splat")
+        root = metas[0][: -len(META)]
 
         def fetch(name: str, most: int) -> bytes:
             if names.count(root + name) != 1:
@@ -121,16 +126,18 @@ def _within(content: bytes, most: int, name: str, path: Path) -> bytes:
 
 
 def _read_sog(fetch: Fetch, packed: int, path: Path) -> tuple[Gaussians, int]:
-    meta = _Meta(_parse(fetch(_META, _LONGEST_META), path), "", path)
+    meta = parse_meta(fetch(META, LONGEST_META), META, path)
+    if "lodLevels" in meta.entries:
+        raise malformed(path, "it lists levels of detail", "such a file is called lod-meta.json")
     version = sog_version(meta.entries)
     if version not in (1, 2):
         raise malformed(path, "its meta.json is of an unknown version", "versions 1 and 2 are read")
     count = meta.integer("count") if version == 2 else meta.inner("means").first_integer("shape")
     # Before anything is unpacked, so that a count that lies costs nothing.
-    refuse_too_large(path, packed, count, 1 + (max(_BASES_OF_DEGREE.values()) if "shN" in meta.entries else 0))
+    refuse_too_large(path, packed, count, 1 + (max(BASES_OF_DEGREE.values()) if "shN" in meta.entries else 0))
     most_pixels = 2 * count + _SPARE_PIXELS
 
-    def texture(attribute: _Meta, index: int, names: int) -> Array:
+    def texture(attribute: Meta, index: int, names: int) -> Array:
         name = attribute.file_names(names)[index]
         encoded = fetch(name, 4 * most_pixels + (1 << 20))
         pixels = decode_webp(encoded, most_pixels, name, path).reshape(-1, 4)
@@ -171,19 +178,19 @@ def _read_sog(fetch: Fetch, packed: int, path: Path) -> tuple[Gaussians, int]:
     return gaussians, version
 
 
-def _palette(shn: _Meta, version: int, fetch: Fetch, texture: Callable[[_Meta, int, int], Array], path: Path) -> Array:
+def _palette(shn: Meta, version: int, fetch: Fetch, texture: Callable[[Meta, int, int], Array], path: Path) -> Array:
     """Harmonics of degree >= 1, (N, K - 1, 3) float32: each Gaussian's label names a row of coefficients."""
     name = shn.file_names(2)[0]
-    most = _PALETTE_WIDTH * max(_BASES_OF_DEGREE.values()) * (_LARGEST_PALETTE // _PALETTE_WIDTH)
+    most = PALETTE_WIDTH * max(BASES_OF_DEGREE.values()) * (LARGEST_PALETTE // PALETTE_WIDTH)
     centroids = decode_webp(fetch(name, 4 * most + (1 << 20)), most, name, path)[..., :3]
     height, width, _ = centroids.shape
-    bases = width // _PALETTE_WIDTH
-    if width % _PALETTE_WIDTH or bases not in _BASES_OF_DEGREE.values():
+    bases = width // PALETTE_WIDTH
+    if width % PALETTE_WIDTH or bases not in BASES_OF_DEGREE.values():
         raise malformed(path, f"image {quoted(name)} is {width} pixels wide; palettes are 192, 512 or 960")
-    size = height * _PALETTE_WIDTH
+    size = height * PALETTE_WIDTH
     rows = centroids.reshape(size, bases, 3)
     if version == 2:
-        if _BASES_OF_DEGREE.get(shn.integer("bands")) != bases:
+        if BASES_OF_DEGREE.get(shn.integer("bands")) != bases:
             raise malformed(path, f"its palette is {width} pixels wide, which is not that of the bands declared")
         book = _codebook(shn)
     else:
@@ -199,115 +206,20 @@ def _palette(shn: _Meta, version: int, fetch: Fetch, texture: Callable[[_Meta, i
     return values[label]
 
 
-def _between(attribute: _Meta, fractions: Array, channels: int) -> Array:
+def _between(attribute: Meta, fractions: Array, channels: int) -> Array:
     low, high = (np.array(attribute.numbers(name, channels)) for name in ("mins", "maxs"))
     return low + (high - low) * fractions
 
 
-def _codebook(attribute: _Meta) -> Array:
+def _codebook(attribute: Meta) -> Array:
     """The 256 values of a codebook, (256,) float64."""
     entries = attribute.array("codebook")
     # Early writers left the first entry null; their viewer extrapolates it from the rest, which are sorted.
     if len(entries) == 256 and entries[0] is None:
-        second, last = _as_number(entries[1]), _as_number(entries[255])
+        second, last = as_number(entries[1]), as_number(entries[255])
         if second is not None and last is not None:
             entries = [second + (second - last) / 255, *entries[1:]]
-    values = [_as_number(entry) for entry in entries]
+    values = [as_number(entry) for entry in entries]
     if len(values) != 256 or None in values:
         raise attribute.wrong("codebook", "a list of 256 numbers")
     return np.array(values, dtype=np.float64)
-
-
-def _as_number(value: object) -> float | None:
-    """A finite number, or None."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if np.isfinite(number) else None
-
-
-def _parse(text: bytes, path: Path) -> dict[str, Any]:
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        entries = dict(pairs)
-        if len(entries) != len(pairs):
-            raise ValueError("a key occurs twice")
-        return entries
-
-    def no_constant(name: str) -> NoReturn:
-        raise ValueError(f"{name} is no number of JSON")
-
-    try:
-        meta: object = json.loads(text, object_pairs_hook=unique, parse_constant=no_constant)
-    except (ValueError, RecursionError) as error:
-        reason = "it is nested too deep" if isinstance(error, RecursionError) else str(error)
-        raise malformed(path, f"meta.json cannot be read: {quoted(reason)}") from error
-    if not isinstance(meta, dict):
-        raise malformed(path, "meta.json holds no object")
-    meta = cast("dict[str, Any]", meta)
-    if "lodLevels" in meta:
-        raise malformed(path, "it lists levels of detail", "open one of the folders it names")
-    return meta
-
-
-class _Meta:
-    """An object of meta.json whose entries are checked as they are asked for."""
-
-    def __init__(self, entries: dict[str, Any], where: str, path: Path) -> None:
-        self.entries = entries
-        self._where = where
-        self._path = path
-
-    def wrong(self, name: str, wanted: str) -> Exception:
-        found = quoted(json.dumps(self.entries[name])) if name in self.entries else "nothing"
-        return malformed(self._path, f"meta.json has {found} for {self._where}{name}, where {wanted} belongs")
-
-    def inner(self, name: str) -> _Meta:
-        entry = self.entries.get(name)
-        if not isinstance(entry, dict):
-            raise self.wrong(name, "an object")
-        return _Meta(cast("dict[str, Any]", entry), f"{name}.", self._path)
-
-    def integer(self, name: str) -> int:
-        entry = self.entries.get(name)
-        if isinstance(entry, bool) or not isinstance(entry, int) or entry < 0:
-            raise self.wrong(name, "a whole number")
-        return entry
-
-    def array(self, name: str) -> list[Any]:
-        entry = self.entries.get(name)
-        if not isinstance(entry, list):
-            raise self.wrong(name, "a list")
-        return cast("list[Any]", entry)
-
-    def first_integer(self, name: str) -> int:
-        entries = self.array(name)
-        if not entries or isinstance(entries[0], bool) or not isinstance(entries[0], int) or entries[0] < 0:
-            raise self.wrong(name, "a list of whole numbers")
-        return entries[0]
-
-    def number(self, name: str) -> float:
-        value = _as_number(self.entries.get(name))
-        if value is None:
-            raise self.wrong(name, "a number")
-        return value
-
-    def numbers(self, name: str, length: int) -> list[float]:
-        values = [_as_number(entry) for entry in self.array(name)]
-        numbers = [value for value in values if value is not None]
-        if len(numbers) != length or len(values) != length:
-            raise self.wrong(name, f"a list of {length} numbers")
-        return numbers
-
-    def file_names(self, length: int) -> list[str]:
-        entries = self.array("files")
-        names = [entry for entry in entries if isinstance(entry, str)]
-        if len(names) != length or len(entries) != length:
-            raise self.wrong("files", f"a list of {length} file names")
-        for name in names:
-            # Neither up, nor absolute, nor a drive, nor a separator of another system.
-            if not name or name in (".", "..") or any(c in name for c in "/\\:\0"):
-                raise malformed(self._path, f"meta.json names the file {quoted(name)}, which is outside the splat")
-        return names

@@ -57,16 +57,26 @@ def run(gasp, workplace):
     return Recording.open(workplace / "scene.gasp")
 
 
-@pytest.mark.parametrize("kind", ["ply", "splat", "spz"])
+@pytest.mark.parametrize("kind", ["ply", "splat", "spz", "sog"])
 def test_export_of_all_frames(gasp, run, workplace, kind):
     outcome = gasp("export", "scene.gasp", "--all", "--format", kind)
     assert (outcome.status, outcome.err) == (0, "")
     paths = sorted((workplace / "scene_frames").iterdir())
     assert [path.name for path in paths] == [f"scene_{frame:04d}.{kind}" for frame in range(3)]
-    # .spz keeps 24 bits of position with at least 12 of them after the point, .splat and .ply float32.
-    bound = 2.0**-13 if kind == "spz" else 1e-6
+    # .spz keeps 24 bits of position with at least 12 of them after the point, .splat and .ply float32, .sog 2^16
+    # steps over what is less than a metre wide and less than a metre away.
+    bound = {"spz": 2.0**-13, "sog": 2.0**-16}.get(kind, 1e-6)
     for frame, path in enumerate(paths):
         np.testing.assert_allclose(read_splat(path).means, run.gaussians(frame).means, rtol=0, atol=bound)
+
+
+def test_what_stands_on_z_stands_on_y_in_a_glb(gasp, run, refused, workplace):
+    trimesh = pytest.importorskip("trimesh")
+    assert gasp("export", "scene.gasp", "--frame", 2, "-o", "still.glb").status == 0
+    (points,) = trimesh.load(workplace / "still.glb").geometry.values()
+    means = run.gaussians(2).means
+    np.testing.assert_allclose(points.vertices[:, 1], means[:, 2], atol=1e-6)
+    refused("export", "scene.gasp", "--frame", 2, "--up", "+z", "-o", "other.glb", says=["--up +z", ".glb"])
 
 
 def test_export_of_one_frame(gasp, run, workplace):

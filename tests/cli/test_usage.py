@@ -155,7 +155,7 @@ def no_room(limit):
     return set_limit
 
 
-@pytest.mark.parametrize("target", ["out.ply", "out.splat", "out.spz"])
+@pytest.mark.parametrize("target", ["out.ply", "out.splat", "out.spz", "out.sog"])
 def test_full_disk_leaves_no_half_file(gasp_process, workplace, target):
     before = sorted(path.name for path in workplace.iterdir())
     done = gasp_process("convert", "toy.ply", target, preexec_fn=no_room(256))

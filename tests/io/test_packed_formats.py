@@ -1,6 +1,7 @@
-""".splat, .spz, SOG and compressed .ply: against their descriptions, number by number, and there and back."""
+""".splat, .spz, SOG, compressed .ply and .glb: against their descriptions, number by number, and there and back."""
 
 import gzip
+import json
 import struct
 import zipfile
 
@@ -202,8 +203,6 @@ def decoded(files, name):
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_sog_by_hand(build, read, tmp_path, version, degree):
-    import json
-
     count = 10
     files = build.sog(version, count, degree)
     g = read(build.zipped(files), "a.sog")
@@ -265,6 +264,86 @@ def test_sog_codebook_with_a_null_first_entry(build, read):
     assert levels.min() >= first - 1e-6
 
 
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    seed=st.integers(0, 9),
+    degree=st.integers(0, 3),
+    count=st.integers(1, 400),
+    size=st.sampled_from([1e-3, 1.0, 50.0, 3e4]),
+)
+def test_sog_there_and_back(some, tmp_path, seed, degree, count, size):
+    g = some(count, degree, seed)
+    g = g.with_(means=(g.means * np.float32(size)).astype(np.float32))
+    write_splat(tmp_path / "a.sog", g)
+    back = read_splat(tmp_path / "a.sog")
+    assert (len(back), back.sh_degree) == (count, degree)
+    # Half a step of 2^16 in ln(1 + |x|), whose slope is largest where |x| is; float32 of the result.
+    largest = np.abs(g.means).max().astype(np.float64)
+    step = 2 * np.log1p(largest) / 65535
+    assert np.abs(back.means - g.means.astype(np.float64)).max() <= (0.5 * step + 2.0**-23) * (1 + largest) * (1 + step)
+    assert np.abs(back.opacities - g.opacities).max() <= 0.5 / 255 + 1e-6
+    # As with .spz, from a step of sqrt(2) / 255.
+    assert rotation_error(back.quaternions, g.quaternions).max() <= 2 * np.sqrt(3) * 0.5 * np.sqrt(2) / 255 + 1e-6
+    for mine, theirs in (
+        (np.log(g.scales), np.log(back.scales)),
+        (g.harmonics[:, 0], back.harmonics[:, 0]),
+        (g.harmonics[:, 1:], back.harmonics[:, 1:]),
+    ):
+        assert_nearest(mine.astype(np.float64), theirs.astype(np.float64))
+
+
+def assert_nearest(values, rounded):
+    """At most 256 distinct ones, each value rounded to the nearest, and none spread out where 256 are enough."""
+    if not values.size:
+        return
+    book = np.unique(rounded)
+    slack = 1e-5 * (1 + np.abs(values).max())
+    # Rounding to float32 may split one entry in two, not beyond that.
+    assert np.count_nonzero(np.diff(book) > slack) < 256
+    nearest = np.abs(values.reshape(-1, 1) - book).min(axis=1)
+    assert np.all(np.abs(values - rounded).reshape(-1) <= nearest + slack)
+    if len(np.unique(values)) <= 256:
+        assert np.abs(values - rounded).max() <= slack
+
+
+def test_sog_writes_what_it_reads_whatever_the_order_of_its_rows(some, tmp_path):
+    """Rows stay where they are: those of a sequence are the same Gaussians in every file."""
+    g = some(500, 2, 4)
+    turned_round = g.select(np.arange(500)[::-1])
+    write_splat(tmp_path / "a.sog", g)
+    write_splat(tmp_path / "b.sog", turned_round)
+    there, back = read_splat(tmp_path / "a.sog"), read_splat(tmp_path / "b.sog")
+    for name in ("means", "scales", "opacities", "harmonics", "quaternions"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(back, name)[::-1], err_msg=name)
+
+
+def test_codebook_is_as_good_as_a_library_finds_it():
+    """Against k-means of scikit-learn, begun many times over: squared errors of log scales as they are trained."""
+    from sklearn.cluster import KMeans
+
+    from gasp_core.io.sog_writing import codebook
+
+    rng = np.random.default_rng(0)
+    values = np.concatenate([rng.normal(-4.5, 0.8, 5000), rng.normal(-9, 2, 1000), [-16.0, 1.0]])
+    book, entries = codebook(values)
+    best = KMeans(256, n_init=3, random_state=0).fit(values[:, None]).inertia_
+    assert ((book[entries] - values) ** 2).sum() <= 1.25 * best
+
+
+def test_palette_of_many_harmonics():
+    """Clusters that are as many as rows of the palette, and of two sizes, are told apart."""
+    from gasp_core.io.sog_writing import palette
+
+    rng = np.random.default_rng(1)
+    centres = rng.normal(size=(64, 3, 3))
+    own = np.repeat(np.arange(64), 16)
+    rows, labels = palette(centres[own] + rng.normal(scale=1e-3, size=(1024, 3, 3)), 64)
+    assert rows.shape == (64, 3, 3)
+    np.testing.assert_allclose(rows[labels], centres[own], atol=6e-3)
+    few, labels = palette(centres[own].astype(np.float32), 64)
+    np.testing.assert_array_equal(few[labels], centres[own].astype(np.float32))
+
+
 # --- compressed .ply
 
 
@@ -320,3 +399,69 @@ def test_the_outermost_harmonics_of_a_compressed_ply_are_the_ends(build, read):
     levels = np.tile(np.array([0, 255, 128], np.uint8), (3, 3))
     g = read(build.compressed_ply(3, 1, levels=levels), "a.ply")
     assert np.array_equal(g.harmonics[0, 1:, 0], np.array([-4, 4, 1 / 64], np.float32))
+
+
+# --- .glb
+
+
+def gltf(path):
+    """A .glb by the rules of glTF 2.0: its document, and accessors by the name of their attribute."""
+    content = path.read_bytes()
+    magic, version, length, size, kind = struct.unpack("<4sIIII", content[:20])
+    assert (magic, version, length, kind) == (b"glTF", 2, len(content), 0x4E4F534A)
+    document = json.loads(content[20 : 20 + size])
+    held, kind = struct.unpack("<II", content[20 + size : 28 + size])
+    buffer = content[28 + size :]
+    assert (kind, held, document["buffers"]) == (0x004E4942, len(buffer), [{"byteLength": len(buffer)}])
+    found = {}
+    for name, number in document["meshes"][0]["primitives"][0]["attributes"].items():
+        accessor = document["accessors"][number]
+        view = document["bufferViews"][accessor["bufferView"]]
+        assert view["byteOffset"] % 4 == 0
+        kind = {5126: np.dtype("<f4"), 5121: np.dtype("u1")}[accessor["componentType"]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        assert view["byteLength"] == accessor["count"] * width * kind.itemsize
+        values = np.frombuffer(buffer, kind, accessor["count"] * width, view["byteOffset"])
+        found[name] = values.reshape(-1, width)
+    return document, found
+
+
+def test_glb_by_the_rules_of_gltf(some, tmp_path):
+    """Half a turn about x, which a covariance shows whatever the order of its axes; all else to the last bit."""
+    g = some(40, 3)
+    write_splat(tmp_path / "a.glb", g)
+    document, found = gltf(tmp_path / "a.glb")
+    assert document["extensionsUsed"] == ["KHR_gaussian_splatting"]
+    assert document["meshes"][0]["primitives"][0]["mode"] == 0
+    turn = np.diag([1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(found["POSITION"], g.means @ turn.astype(np.float32))
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    np.testing.assert_array_equal(
+        [accessor["min"], accessor["max"]], [f(found["POSITION"], 0) for f in (np.min, np.max)]
+    )
+    np.testing.assert_array_equal(found["KHR_gaussian_splatting:SCALE"], g.scales)
+    np.testing.assert_array_equal(found["KHR_gaussian_splatting:OPACITY"][:, 0], g.opacities)
+    stored = np.roll(found["KHR_gaussian_splatting:ROTATION"], 1, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(stored, axis=1), 1, atol=1e-6)
+    expected = np.einsum("ij,njk,lk->nil", turn, g.covariances(), turn)
+    # Rotations rounded to float32: 2^-24 in each of the components of two factors.
+    bound = 16 * 2.0**-24 * (g.scales.max(axis=1) ** 2)[:, None, None]
+    assert np.all(np.abs(g.with_(quaternions=stored).covariances() - expected) <= bound)
+    # Seen from where it was seen before, it has the colour that it had.
+    views = unit(np.random.default_rng(1).normal(size=(20, 3)))
+    names = [f"KHR_gaussian_splatting:SH_DEGREE_{d}_COEF_{m}" for d in range(4) for m in range(2 * d + 1)]
+    harmonics = np.stack([found[name] for name in names], axis=1)
+    before = np.einsum("dk,nkc->dnc", basis(views)[:, :16], g.harmonics)
+    after = np.einsum("dk,nkc->dnc", basis(views @ turn)[:, :16], harmonics)
+    np.testing.assert_allclose(after, before, atol=1e-5)
+    colours = np.clip(0.28209479177387814 * g.harmonics[:, 0] + 0.5, 0, 1)
+    np.testing.assert_allclose(found["COLOR_0"] / 255, np.c_[colours, g.opacities], atol=0.5 / 255 + 1e-6)
+
+
+def test_trimesh_shows_a_glb_as_points(some, tmp_path):
+    """A program that knows glTF and no splats."""
+    trimesh = pytest.importorskip("trimesh")
+    g = some(40, 0)
+    write_splat(tmp_path / "a.glb", g)
+    (points,) = trimesh.load(tmp_path / "a.glb").geometry.values()
+    np.testing.assert_array_equal(np.asarray(points.vertices, np.float32), g.means * np.float32([1, -1, -1]))

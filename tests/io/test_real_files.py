@@ -177,6 +177,30 @@ def test_agrees_with_gsply_on_sog(data_folder):
     _same(read_splat(data_folder / "splats/skull.sog"), theirs, harmonics)
 
 
+def test_gsply_reads_our_sog_as_we_do(data_folder, tmp_path):
+    """The splat itself is a fixture of ordinary training with harmonics of degree 3; a reader that is not ours."""
+    pytest.importorskip("imagecodecs")
+    gsply = pytest.importorskip("gsply")
+    write_splat(tmp_path / "little.sog", read_splat(data_folder / "splats/train-1000.ply"))
+    theirs = gsply.sogread(str(tmp_path / "little.sog"))
+    harmonics = np.concatenate([np.asarray(theirs.sh0)[:, None], np.asarray(theirs.shN)], axis=1)
+    _same(read_splat(tmp_path / "little.sog"), theirs, harmonics)
+
+
+def test_a_sog_is_written_as_it_was_read(data_folder, tmp_path):
+    """What is in codebooks already stays what it is; 94,936 Gaussians share a palette of fewer than 65,536 rows."""
+    skull = read_splat(data_folder / "splats/skull.sog")
+    write_splat(tmp_path / "again.sog", skull)
+    again = read_splat(tmp_path / "again.sog")
+    for name in ("scales", "opacities", "harmonics"):
+        np.testing.assert_allclose(getattr(again, name), getattr(skull, name), rtol=1e-6, atol=1e-6, err_msg=name)
+    # Bounds are those of what is there, not those of the file it came from: half a step of 2^16 in ln(1 + |x|).
+    largest = np.abs(skull.means).max()
+    step = 2 * np.log1p(largest) / 65535 * (1 + largest)
+    assert np.abs(again.means - skull.means).max() <= 0.5 * step
+    assert (tmp_path / "again.sog").stat().st_size < 1.1 * (data_folder / "splats/skull.sog").stat().st_size
+
+
 def _same(ours, theirs, harmonics):
     """float32 arithmetic on one side: some units of 2^-24 of the largest value."""
     few = 16 * 2.0**-24

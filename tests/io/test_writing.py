@@ -15,7 +15,7 @@ from gasp_core.errors import SplatFormatError
 from gasp_core.io import read_splat, write_splat
 from gasp_core.io.convert import convert, losses
 
-SUFFIXES = (".ply", ".splat", ".spz")
+SUFFIXES = (".ply", ".splat", ".spz", ".sog")
 
 
 def one_line(error):
@@ -92,9 +92,9 @@ def test_an_unwritable_folder(some):
         folder.chmod(0o755)
 
 
-@pytest.mark.parametrize("name", ["a.sog", "a.obj", "a", "a.compressed.ply", "a.ksplat"])
+@pytest.mark.parametrize("name", ["a.obj", "a", "a.compressed.ply", "a.ksplat"])
 def test_formats_that_are_not_written(some, tmp_path, name):
-    with pytest.raises(SplatFormatError, match=r"cannot be written; choose one of \.ply, \.splat, \.spz"):
+    with pytest.raises(SplatFormatError, match=r"cannot be written; choose one of \.ply, \.splat, \.spz, \.sog, \.glb"):
         write_splat(tmp_path / name, some())
     assert not list(tmp_path.iterdir())
 
@@ -112,7 +112,7 @@ def test_bytes_cannot_hold_nan(some, tmp_path, field):
     array = getattr(g, field).copy()
     array[3] = np.nan
     g = g.with_(**{field: array})
-    for suffix in (".splat", ".spz"):
+    for suffix in (".splat", ".spz", ".sog", ".glb"):
         with pytest.raises(SplatFormatError, match="1 Gaussians are not finite, the first is 3"):
             write_splat(tmp_path / f"a{suffix}", g)
     assert not list(tmp_path.iterdir())
@@ -144,7 +144,7 @@ def test_convert_tells_what_is_lost(some, tmp_path):
     assert "harmonics of 1 Gaussians are cut" in lost
 
 
-@pytest.mark.parametrize("suffix", [".splat", ".spz"])
+@pytest.mark.parametrize("suffix", [".splat", ".spz", ".sog"])
 def test_what_is_not_said_to_be_cut_is_within_a_step(some, suffix):
     lost = losses(some(100, 0), suffix)
     assert len(lost) == 1
