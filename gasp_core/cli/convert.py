@@ -29,8 +29,8 @@ Examples:
 @overwrite_option("a file")
 @most_memory_option
 def convert(source: Path, target: Path, level: int, overwrite: bool) -> None:
-    """Turn a splat file into another format, which the suffix of OUT chooses: .ply, .splat, .spz, .sog
-    or .glb.
+    """Turn a splat file into another format, which the suffix of OUT chooses: .ply, .splat, .spz, .sog,
+    .glb (glTF) or .usdc (USD; takes usd-core).
 
     What a format cannot hold is said.
     """

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.export_stage import export_stage, is_stage
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.up_axes import UP_AXES
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
 
-SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz", "sog": ".sog", "glb": ".glb"}
+SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz", "sog": ".sog", "glb": ".glb", "usd": ".usdc"}
 
 
 @click.command(
@@ -32,6 +33,7 @@ Examples:
   gasp export plant.gasp --frame 12 --format spz  plant_0012.spz
   gasp export plant.gasp --frame 12 -o still.splat
   gasp export plant.gasp --frame 12 -o still.glb  for what reads glTF with KHR_gaussian_splatting
+  gasp export plant.gasp --all -o plant.usdc      for Omniverse, Houdini, Blender: USD with a sample a frame
   gasp export plant.gasp --all --up -y            lies as trained splats do: for SuperSplat, or a scene again
   gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
 """
@@ -41,7 +43,8 @@ Examples:
     "--format",
     "suffix",
     type=click.Choice(list(SUFFIXES)),
-    help="ply keeps everything; splat, spz and sog are smaller; glb is glTF. [default: as --out ends, else ply]",
+    help="ply keeps everything; splat, spz and sog are smaller; glb is glTF; usd is one stage of all frames. "
+    "[default: as --out ends, else ply]",
 )
 @click.option("--frame", metavar="K", type=click.IntRange(min=0), help="One frame, counted from 0.")
 @most_memory_option
@@ -93,28 +96,46 @@ def export(
         if frame >= recording.frame_count:
             raise RecordingError(f"{run}: has frames 0 to {recording.frame_count - 1}, not {frame}")
         path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix or 'ply']}")
-        if suffix is not None and path.suffix.lower() != SUFFIXES[suffix]:
-            raise click.UsageError(f"--out {path} does not end in {SUFFIXES[suffix]}, as --format {suffix} wants it")
+        _refuse_another_ending(path, suffix)
         keep_what_is_there([path], overwrite)
-        from gasp_core.io import write_splat
+        if is_stage(path):
+            export_stage(recording, [frame], path, as_drawn=as_drawn, up=up, moves=False)
+        else:
+            from gasp_core.io import write_splat
 
-        write_splat(path, _read(recording, as_drawn, up, path.suffix.lower())(frame))
+            write_splat(path, _read(recording, as_drawn, up, path.suffix.lower())(frame))
         click.echo(path)
+        return
+    lost = set(recording.lost)
+    frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
+    if suffix == "usd" or (suffix is None and out is not None and is_stage(out)):
+        path = out if out is not None else Path(f"{stem}{SUFFIXES['usd']}")
+        _refuse_another_ending(path, suffix)
+        keep_what_is_there([path], overwrite)
+        damaged = export_stage(recording, frames, path, as_drawn=as_drawn, up=up, moves=True)
+        click.echo(f"{path}: {len(frames) - len(damaged)} frames")
     else:
         folder, ending = out if out is not None else Path(f"{stem}_frames"), SUFFIXES[suffix or "ply"]
         read = _read(recording, as_drawn, up, ending)
         earlier = frames_in(folder, stem=stem, suffix=ending)
         keep_what_is_there(earlier, overwrite)
-        lost = set(recording.lost)
-        frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
         paths, damaged = export_frames(read, frames, folder, stem=stem, suffix=ending)
-        if lost:
-            damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
         for path in set(earlier) - set(paths):
             # Of a longer run: it would be taken for the end of this one.
             path.unlink()
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
-        leave_out(damaged)
+    if lost:
+        damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
+    leave_out(damaged)
+
+
+def _refuse_another_ending(path: Path, suffix: str | None) -> None:
+    """Refuse a name that does not end as the format wants it."""
+    from gasp_core.io.usd import USD_SUFFIXES
+
+    allowed = {None: (path.suffix.lower(),), "usd": USD_SUFFIXES}.get(suffix) or (SUFFIXES[str(suffix)],)
+    if path.suffix.lower() not in allowed:
+        raise click.UsageError(f"--out {path} does not end in {allowed[0]}, as --format {suffix} wants it")
 
 
 def _read(recording: Recording, as_drawn: bool, up: UpAxis | None, suffix: str) -> Callable[[int], Gaussians]:

@@ -58,7 +58,8 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0)
 
 def write_splat(path: str | PathLike[str], gaussians: Gaussians) -> None:
     """Write a splat file; the suffix says which format: ``.ply`` (INRIA, float32), ``.splat``, ``.spz``,
-    ``.sog`` (version 2) or ``.glb`` (glTF with KHR_gaussian_splatting, which is not read).
+    ``.sog`` (version 2), and two that are not read here: ``.glb`` (glTF with KHR_gaussian_splatting) and ``.usdc``,
+    ``.usda`` or ``.usd`` (USD's ParticleField3DGaussianSplat; takes usd-core).
 
     The file appears whole or not at all. What a format cannot hold is dropped as
     :func:`gasp_core.io.convert.losses` tells.

@@ -52,14 +52,14 @@ def losses(gaussians: Gaussians, suffix: str) -> tuple[str, ...]:
     gaussians
         Finite.
     suffix
-        ``.ply``, ``.splat``, ``.spz``, ``.sog`` or ``.glb``.
+        One that `write_splat` writes.
 
     Returns
     -------
     tuple of str
         A sentence for each loss; empty for a .ply of what came in float32.
     """
-    if suffix == ".ply":
+    if suffix not in (".splat", ".spz", ".sog", ".glb"):
         return ("positions are rounded to float32",) if gaussians.means.dtype == np.float64 else ()
     told = {".splat": _splat_losses, ".spz": _spz_losses, ".sog": _sog_losses, ".glb": _glb_losses}
     return told[suffix](gaussians)

@@ -16,7 +16,7 @@ from gasp_core.io.memory_limit import refuse_unread
 __all__ = ["INDICES", "READ", "WRITTEN", "read", "write"]
 
 READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json or lod-meta.json")
-WRITTEN = (".ply", ".splat", ".spz", ".sog", ".glb")
+WRITTEN = (".ply", ".splat", ".spz", ".sog", ".glb", ".usdc")
 
 INDICES = ("meta.json", "lod-meta.json")
 """Files that name others beside and below them."""
@@ -123,16 +123,20 @@ def write(path: str | PathLike[str], gaussians: Gaussians) -> None:
     from gasp_core.io.inria import write_inria
     from gasp_core.io.sog_writing import write_sog
     from gasp_core.io.spz import write_spz
+    from gasp_core.io.usd import USD_SUFFIXES, write_usd
 
     target = Path(fspath(path))
     suffix = target.suffix.lower()
-    if suffix not in WRITTEN or target.name.lower().endswith(".compressed.ply"):
+    if suffix not in (*WRITTEN, *USD_SUFFIXES) or target.name.lower().endswith(".compressed.ply"):
         asked = ".compressed.ply" if suffix == ".ply" else suffix or target.name
         raise malformed(target, f"{quoted(asked)} cannot be written", f"choose one of {', '.join(WRITTEN)}")
     if not len(gaussians):
         raise malformed(target, "there are no Gaussians to write", "check what was selected")
     if suffix != ".ply":
         _refuse_unstorable(target, gaussians)
+    if suffix in USD_SUFFIXES:
+        write_usd(target, gaussians)
+        return
     writers = {
         ".ply": write_inria,
         ".splat": write_dot_splat,

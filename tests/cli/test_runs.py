@@ -79,6 +79,25 @@ def test_what_stands_on_z_stands_on_y_in_a_glb(gasp, run, refused, workplace):
     refused("export", "scene.gasp", "--frame", 2, "--up", "+z", "-o", "other.glb", says=["--up +z", ".glb"])
 
 
+def test_all_frames_in_one_stage(gasp, run, refused, workplace):
+    usd = pytest.importorskip("pxr.Usd")
+    assert gasp("export", "scene.gasp", "--all", "--format", "usd").out == "scene.usdc: 3 frames\n"
+    stage = usd.Stage.Open("scene.usdc")
+    assert (stage.GetMetadata("upAxis"), stage.GetTimeCodesPerSecond()) == ("Z", run.header.frame_rate)
+    (name,) = (item.name for item in run.header.objects)
+    positions = stage.GetPrimAtPath(f"/splats/{name}").GetAttribute("positions")
+    for frame in range(3):
+        np.testing.assert_allclose(np.array(positions.Get(frame)), run.gaussians(frame).means, rtol=0, atol=1e-6)
+    refused("export", "scene.gasp", "--all", "-o", "scene.usdc", says=["scene.usdc is there already"])
+    refused("export", "scene.gasp", "--all", "--up", "-y", "-o", "other.usdc", says=["--up -y", "+y or +z"])
+    refused("export", "scene.gasp", "--all", "--format", "usd", "-o", "other.ply", says=["other.ply", ".usdc"])
+    assert gasp("export", "scene.gasp", "--frame", 2, "--up", "+y", "-o", "still.usda").status == 0
+    stage = usd.Stage.Open("still.usda")
+    still = np.array(stage.GetPrimAtPath(f"/splats/{name}").GetAttribute("positions").Get())
+    assert stage.GetMetadata("upAxis") == "Y"
+    np.testing.assert_allclose(still[:, 1], run.gaussians(2).means[:, 2], rtol=0, atol=1e-6)
+
+
 def test_export_of_one_frame(gasp, run, workplace):
     assert gasp("export", "scene.gasp", "--frame", 2).out == "scene_0002.ply\n"
     assert gasp("export", "scene.gasp", "--frame", 2, "--out", "still.ply").status == 0
