@@ -6,12 +6,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OWN := . plugins/reference_mpm plugins/mpm_host plugins/taichi_mpm plugins/warp_mpm plugins/mujoco_flex plugins/genesis_mpm plugins/blender plugins/renderer plugins/viewer conformance_tests
 NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mpm gasp-mujoco-flex gasp-genesis-mpm gasp-blender gasp-renderer gasp-viewer gasp-conformance
-# What the suite judges in `make test`, two at a time, and in `make test-slow`; ":" stands for a space. Every engine and
-# every precision is in the first; each engine's tests compare it with the reference in both precisions besides.
+# What the suite judges in `make test`, two at a time, and in `make test-slow`; ":" stands for a space. Of the reference,
+# which takes half an hour, the first judges the contract alone: each engine's own tests compare it with the reference,
+# number by number, in every material, and the suite does so with those that it judges whole.
 ORACLE := --oracle:reference-mpm
-QUICK := reference-mpm warp-mpm:$(ORACLE) taichi-mpm:$(ORACLE):--precision:float64
-QUICK_SLOW := warp-mpm:$(ORACLE):--precision:float64 taichi-mpm:$(ORACLE)
-JUDGE := tr : ' ' | xargs -P 2 -I{} sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$code'
+QUICK := taichi-mpm:$(ORACLE):--precision:float64 warp-mpm:$(ORACLE) reference-mpm:-k:core
+QUICK_SLOW := reference-mpm warp-mpm:$(ORACLE):--precision:float64 taichi-mpm:$(ORACLE)
+# Status 3: nothing failed of what was chosen.
+JUDGE := tr : ' ' | xargs -P 2 -I{} sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$((code == 3 ? 0 : code))'
 # A room is a folder of tests/, a plugin, or the suite; make test ROOM=reduction runs what concerns it alone.
 ROOM_TESTS = $(firstword $(wildcard tests/$(ROOM) plugins/$(ROOM)/tests $(if $(filter conformance,$(ROOM)),conformance_tests/tests)))
 GASP_DATA ?= ../shared/data

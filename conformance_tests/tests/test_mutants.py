@@ -139,11 +139,26 @@ LONG = ("metal", "snow")
 """Modules of mutants whose checks take seconds, where others take a tenth."""
 
 
+HALF_A_MINUTE = frozenset(
+    {
+        *("bodies:separate[slide][0.3]", "bodies:separate[slide][0.5]", "density-ratio", "material:fluid[volume]"),
+        *("material:rigid[sand]", "material:rigid[slide]", "material:rigid[spin]", "material:rigid[stack]"),
+        *("material:rigid[water]", "material:sand[heap]", "near-incompressible", "pair-contacts"),
+    }
+)
+"""What checks take with the reference engine, or more, though they are quick with others."""
+
+
+def _slow_ones(kind: Any) -> list[str]:
+    return [name for name in kind.caught_by if name in HALF_A_MINUTE or name in kind.slow]
+
+
 def _caught() -> Iterator[Any]:
     """Every mutant with the checks it is caught by, quick ones and slow ones apart."""
     modules: set[str] = set()
     for kind in MUTANTS.values():
-        quick = [name for name in kind.caught_by if name not in kind.slow]
+        slow = _slow_ones(kind)
+        quick = [name for name in kind.caught_by if name not in slow]
         if quick:
             # One of every module, of few checks, stands for the others while one works on the suite.
             stands = (
@@ -152,8 +167,8 @@ def _caught() -> Iterator[Any]:
             further = () if stands else (pytest.mark.thorough,)
             modules |= {kind.__module__} if not further else set()
             yield pytest.param(kind, quick, id=kind.name, marks=further)
-        if kind.slow:
-            yield pytest.param(kind, kind.slow, id=f"{kind.name}, slowly", marks=pytest.mark.slow)
+        if slow:
+            yield pytest.param(kind, slow, id=f"{kind.name}, slowly", marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(("kind", "names"), list(_caught()))
@@ -193,7 +208,8 @@ def _catching(slow: bool) -> list[str]:
     names = {"discovery", *HARMLESS}
     for kind in MUTANTS.values():
         if kind.right_can:
-            names |= set(kind.slow if slow else kind.caught_by.keys() - set(kind.slow))
+            found = set(_slow_ones(kind))
+            names |= found if slow else kind.caught_by.keys() - found
     return sorted(names)
 
 

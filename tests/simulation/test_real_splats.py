@@ -16,32 +16,31 @@ from gasp_core.simulation.splat_sources import prepare
 
 # Several times as large as the others, each the same kind of file as one that is quick.
 LARGE = ["splats/playbot/0_0", "splats/playbot/1_0", "splats/playbot/2_0", "meshlike/spot_100k.splat"]
+AGAIN = ["splats/playbot_lod3_inria_sh2.ply", "splats/skull_inria_sh3.ply", "splats/statue-angel.compressed.ply"]
+"""Others in another format."""
 FILES = [
     "splats/fruit_drops_minimal.ply",
     "splats/guitar.compressed.ply",
     "splats/plant.splat",
-    "splats/playbot_lod3_inria_sh2.ply",
     "splats/skull.sog",
-    "splats/skull_inria_sh3.ply",
-    "splats/statue-angel.compressed.ply",
     "splats/statue-angel.sog",
     "splats/statue-massa.sog",
     "splats/statue-st-peter.sog",
     "splats/train-1000.ply",
     *(f"splats/playbot/{level}_0" for level in range(3, 7)),
     "meshlike/spot_10k.splat",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in LARGE),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (*LARGE, *AGAIN)),
 ]
 TURNED = [
     "splats/fruit_drops_minimal.ply",
     "splats/playbot/5_0",
-    pytest.param("splats/skull_inria_sh3.ply", marks=pytest.mark.thorough),
+    pytest.param("splats/skull_inria_sh3.ply", marks=pytest.mark.slow),
 ]
 OPENED = [
     "splats/fruit_drops_minimal.ply",
     "splats/playbot/3_0",
     "splats/statue-massa.sog",
-    pytest.param("splats/skull.sog", marks=pytest.mark.thorough),
+    pytest.param("splats/skull.sog", marks=pytest.mark.slow),
 ]
 
 

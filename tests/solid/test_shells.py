@@ -31,7 +31,7 @@ def distances(solid, shape):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_noisy_shell_with_holes_has_the_mass_of_its_body(name, seed):
     shape = SHAPES[name]
     splat = shell(shape, holes=0.05, noise=0.5 * shape.size / CELLS, seed=seed)

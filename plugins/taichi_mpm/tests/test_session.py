@@ -113,7 +113,7 @@ print("told")
 """
 
 
-@pytest.mark.parametrize("how", ["init", "reset"])
+@pytest.mark.parametrize("how", ["init", pytest.param("reset", marks=pytest.mark.slow)])
 @pytest.mark.thorough
 def test_a_session_whose_runtime_was_taken_away_says_so(how):
     command = [sys.executable, "-c", _INTERRUPTED, how]
