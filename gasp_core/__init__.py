@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from gasp_core.errors import GaspError
     from gasp_core.gaussians import Gaussians
     from gasp_core.io import memory_limit, read_splat, write_splat
+    from gasp_core.moving.packing import pack
+    from gasp_core.moving.reading import MovingSplat
     from gasp_core.recording import Recording
     from gasp_core.rendering.filming import render
     from gasp_core.scene import (
@@ -94,6 +96,7 @@ __all__ = [
     "KeyframedMotion",
     "MapChoice",
     "Metal",
+    "MovingSplat",
     "NeoHookean",
     "Part",
     "Pinned",
@@ -122,6 +125,7 @@ __all__ = [
     "load_scene",
     "material_preset",
     "memory_limit",
+    "pack",
     "read_splat",
     "render",
     "scene_to_toml",
@@ -139,6 +143,8 @@ _HOMES = {
     "gasp_core.errors": "GaspError",
     "gasp_core.gaussians": "Gaussians",
     "gasp_core.io": "memory_limit read_splat write_splat",
+    "gasp_core.moving.packing": "pack",
+    "gasp_core.moving.reading": "MovingSplat",
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (

@@ -95,8 +95,8 @@ def render(
 ) -> None:
     """Show a run as a film, pictures, or a sheet of key frames.
 
-    RUN is the folder that "gasp run" wrote, finished or not; or a scene file, which is shown as it begins, or a splat
-    file. Without a camera, the whole motion is in
+    RUN is the folder that "gasp run" wrote, finished or not; or what "gasp pack" made of it, or a scene file, which
+    is shown as it begins, or a splat file. Without a camera, the whole motion is in
     the picture. Colliders are drawn too. Frames that are damaged are named and left out; the exit status is 1 then.
     """
     choice = _choice(camera, position, target)
@@ -126,8 +126,10 @@ def render(
 
 def default_output(run: Path, *, one: bool) -> Path:
     """Beside where one stands: a film of a recording, a picture of a splat file or of one frame."""
-    recording = run.suffix == ".gasp" or (run / "zarr.json").exists()
-    return Path(run.resolve().stem + (".mp4" if recording and not one else ".png"))
+    from gasp_core.rendering.moving_footage import is_moving_splat
+
+    moves = run.suffix == ".gasp" or (run / "zarr.json").exists() or is_moving_splat(run)
+    return Path(run.resolve().stem + (".mp4" if moves and not one else ".png"))
 
 
 def _whole_frames(run: Path) -> tuple[list[int] | None, list[str]]:

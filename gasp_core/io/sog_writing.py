@@ -9,6 +9,7 @@ import io
 import json
 import math
 import zipfile
+from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -19,7 +20,7 @@ from gasp_core.io.activations import logarithm
 from gasp_core.io.rotations import unit_quaternions
 from gasp_core.io.sog import BASES_OF_DEGREE, LARGEST_PALETTE, PALETTE_WIDTH
 
-__all__ = ["codebook", "palette", "position_step", "write_sog"]
+__all__ = ["codebook", "palette", "position_step", "sog_members", "write_members", "write_sog"]
 
 Array = NDArray[Any]
 
@@ -30,11 +31,25 @@ _BLOCKS = 1024
 _ROUNDS = 32
 """Of Lloyd's iteration: the squared error then falls by less than 1 % a round."""
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""Of a zip: the same Gaussians always give the same bytes."""
+"""Of a zip."""
 
 
 def write_sog(stream: BinaryIO, gaussians: Gaussians) -> None:
     """Write finite Gaussians as a .sog of version 2; harmonics of degree 4 are dropped."""
+    write_members(stream, sog_members(gaussians))
+
+
+def write_members(stream: BinaryIO, members: Mapping[str, bytes], packed: Mapping[str, bytes] | None = None) -> None:
+    """Write a zip of files as they are, and of others that are deflated; the same files always give the same bytes."""
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name, _EARLIEST), content)
+        for name, content in (packed or {}).items():
+            archive.writestr(zipfile.ZipInfo(name, _EARLIEST), content, zipfile.ZIP_DEFLATED, 9)
+
+
+def sog_members(gaussians: Gaussians) -> dict[str, bytes]:
+    """The files of a .sog, by their names."""
     images: dict[str, bytes] = {}
     meta: dict[str, Any] = {"version": 2, "count": len(gaussians)}
 
@@ -68,9 +83,7 @@ def write_sog(stream: BinaryIO, gaussians: Gaussians) -> None:
             "codebook": book.tolist(),
             "files": ["shN_centroids.webp", "shN_labels.webp"],
         }
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, content in {"meta.json": json.dumps(meta).encode(), **images}.items():
-            archive.writestr(zipfile.ZipInfo(name, _EARLIEST), content)
+    return {"meta.json": json.dumps(meta).encode(), **images}
 
 
 def _fold(means: Array) -> Array:

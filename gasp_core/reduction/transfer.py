@@ -191,13 +191,17 @@ class LeastSquares:
         `own_share` of the weights is that of the own core; the others go by their distance s, a share of how far the
         neighbourhood reaches: (1 - s^2)^steepness.
         """
-        centres = cores.centres
         order = along_a_curve(means)
-        neighbours, weights = _neighbourhoods(centres, means[order], labels[order], own_share, steepness)
-        own = cores.moments
-        inverses = np.zeros((len(means), 6))
+        neighbours, weights = _neighbourhoods(cores.centres, means[order], labels[order], own_share, steepness)
+        return cls.fitted(cores, labels, order, neighbours.astype(np.int32), weights)
+
+    @classmethod
+    def fitted(cls, cores: Cores, labels: Array, order: Array, neighbours: Array, weights: Array) -> LeastSquares:
+        """The operator of known neighbourhoods: `neighbours` and `weights` (N, K <= 8), those of `order`."""
+        centres, own = cores.centres, cores.moments
+        inverses = np.zeros((len(labels), 6))
         fallen: list[Array] = []
-        for first in range(0, len(means), _ROWS_AT_ONCE):
+        for first in range(0, len(labels), _ROWS_AT_ONCE):
             rows = slice(first, first + _ROWS_AT_ONCE)
             values, axes = np.linalg.eigh(_moments(centres, own, neighbours[rows], weights[rows]))
             thin = ~(values[:, 0] > _THINNEST * values[:, 2])
@@ -208,7 +212,7 @@ class LeastSquares:
         return cls(
             labels=labels,
             order=order,
-            neighbours=_padded(neighbours.astype(np.int32)),
+            neighbours=_padded(neighbours),
             weights=_padded(weights),
             inverses=inverses,
             fallen=np.concatenate(fallen),

@@ -15,9 +15,11 @@ from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
 from gasp_core.errors import RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
+from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
+from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
 from gasp_core.scene.file_shapes import FileShape
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
@@ -277,8 +279,8 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
     Parameters
     ----------
     source
-        A folder that gasp run wrote, a scene file (.toml), or a splat file (or folder, for unpacked .sog); or what is
-        read from one of these.
+        A folder that gasp run wrote, what gasp pack made of it, a scene file (.toml), or a splat file (or folder, for
+        unpacked .sog); or what is read from one of these.
     up
         A splat file's axis that points up.
 
@@ -300,6 +302,8 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
         return RecordedFootage(Recording.open(path))
     if path.suffix == ".toml":
         return SceneFootage(load_scene(path), path)
+    if path.suffix.lower() == ".sog" and is_moving_splat(path):
+        return MovingFootage(MovingSplat.open(path))
     return Still(read_splat(path), up, path)
 
 

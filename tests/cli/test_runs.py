@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gasp_core import Recording, read_splat
+from gasp_core import MovingSplat, Recording, read_splat
 from gasp_core.errors import SplatFormatError
+from gasp_core.rendering.footage import open_footage
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
 
@@ -96,6 +97,29 @@ def test_all_frames_in_one_stage(gasp, run, refused, workplace):
     still = np.array(stage.GetPrimAtPath(f"/splats/{name}").GetAttribute("positions").Get())
     assert stage.GetMetadata("upAxis") == "Y"
     np.testing.assert_allclose(still[:, 1], run.gaussians(2).means[:, 2], rtol=0, atol=1e-6)
+
+
+def test_a_run_in_one_file_and_a_film_of_it(gasp, run, refused, workplace):
+    told = gasp("pack", "scene.gasp")
+    assert told.status == 0, told
+    assert told.out.startswith("scene.moving.sog: 3 frames, ")
+    splat = MovingSplat.open("scene.moving.sog")
+    assert splat.header.camera["vertical_angle"] > 0
+    moved = splat.gaussians(2).means.mean(axis=0) - splat.gaussians(0).means.mean(axis=0)
+    np.testing.assert_allclose(
+        moved, run.gaussians(2).means.mean(axis=0) - run.gaussians(0).means.mean(axis=0), atol=1e-4
+    )
+    refused("pack", "scene.gasp", says=["scene.moving.sog is there already", "--overwrite"])
+    refused("pack", "scene.gasp", "-o", "scene.zip", says=["scene.zip", ".sog"])
+    refused("pack", "toy.ply", says=["toy.ply", "a recording is a folder"])
+    refused("pack", "scene.gasp", "-o", "missing/a.sog", says=["missing/a.sog", "cannot be written"])
+    assert gasp("pack", "scene.gasp", "--overwrite", "--error", "1e-3").status == 0
+    footage = open_footage("scene.moving.sog")
+    assert (footage.frame_count, footage.frame_rate) == (3, run.header.frame_rate)
+    assert [type(one.shape) for one in footage.colliders] == [type(one.shape) for one in run.scene.colliders]
+    np.testing.assert_allclose(footage.drawn(2).means, splat.gaussians(2).means, atol=1e-3)
+    assert len(footage.subject(1)) == len(footage.splats(1))
+    assert len(read_splat("scene.moving.sog")) == len(run.reference)
 
 
 def test_export_of_one_frame(gasp, run, workplace):

@@ -1,0 +1,270 @@
+"""From a recording to a moving splat: quantised, foretold from frame to frame, and held against what was recorded."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RecordingError
+from gasp_core.gaussians import Gaussians
+from gasp_core.io.atomic import replacing
+from gasp_core.io.sog import read_sog_zip
+from gasp_core.io.sog_writing import sog_members, write_members
+from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
+from gasp_core.moving.carriers import KINDS, files_of
+from gasp_core.moving.frames import FrameWriter, encoded_corrections
+from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.moving.reading import block_name, body_of
+from gasp_core.recording.reader import Recording
+from gasp_core.reduction.assembly import Body
+from gasp_core.reduction.morton import along_a_curve
+from gasp_core.scene.placement import Placement, place, upright
+
+__all__ = ["DEFAULT_ERROR", "Packed", "pack"]
+
+Array = NDArray[Any]
+
+DEFAULT_ERROR = 1e-4
+"""Of the diagonal: a tenth of a millimetre of a metre."""
+_FRAMES_A_BLOCK = 24
+_QUANTUM = 1.0
+"""Of the error allowed: rounding alone then takes up to sqrt(3) / 2 of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Packed:
+    """What has been written.
+
+    Parameters
+    ----------
+    size
+        Of the file [bytes].
+    motion
+        What of it is the motion, without the splat and the carriers [bytes].
+    frames
+        How many.
+    largest_error
+        How far any mean in any frame is from where it was recorded [m].
+    allowed_error
+        How far it might be [m].
+    """
+
+    size: int
+    motion: int
+    frames: int
+    largest_error: float
+    allowed_error: float
+
+
+def pack(
+    recording: Recording,
+    path: str | Path,
+    *,
+    error: float = DEFAULT_ERROR,
+    camera: Mapping[str, Any] | None = None,
+    colliders: Sequence[Mapping[str, Any]] = (),
+    progress: Callable[[], None] | None = None,
+) -> Packed:
+    """Write a recording as a moving splat, a file that one can send.
+
+    Parameters
+    ----------
+    recording
+        With at least one frame.
+    path
+        Where to; an existing file is replaced.
+    error
+        How far any mean of any frame may be from where it was recorded, as a share of the diagonal of what moves.
+    camera, colliders
+        For players.
+    progress
+        Called after every frame.
+
+    Raises
+    ------
+    RecordingError, SplatFormatError
+        Where the recording is damaged or empty, the error asked for cannot be kept, or the disk refuses.
+    """
+    path = Path(path)
+    if recording.frame_count == 0:
+        raise RecordingError(f'{recording.path}: holds no frame yet: go on with "gasp run --resume"')
+    if not error > 0:
+        raise RecordingError(f"the error allowed is {error:g}: it must be above 0")
+    source = _Source.of(recording)
+    allowed = error * source.diagonal
+    quantum = _QUANTUM * allowed
+    refusal = f"{path}: an error of {error:g} of the diagonal cannot be kept: allow more"
+    try:
+        blocks, largest = _frames(source, quantum, allowed, progress)
+    except ValueError as failure:
+        raise RecordingError(f"{refusal} ({failure})") from failure
+    if largest > allowed:
+        raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
+    header = MotionHeader(
+        frames=recording.frame_count,
+        frames_a_block=_FRAMES_A_BLOCK,
+        frame_rate=recording.header.frame_rate,
+        origin=tuple(source.origin.tolist()),
+        quantum=quantum,
+        largest_error=largest,
+        alpha=recording.header.maps["alpha"],
+        bodies=source.headers,
+        camera=camera,
+        colliders=colliders,
+    )
+    files = {
+        f"{FOLDER}{number}/{name}": content
+        for number, carrier in enumerate(source.files)
+        for name, content in carrier.items()
+    }
+    packed = {HEADER: header.encoded(), **files, **{block_name(k): block for k, block in enumerate(blocks)}}
+    stream = io.BytesIO()
+    write_members(stream, source.members, packed)
+    with replacing(path) as target:
+        target.write(stream.getvalue())
+    empty = io.BytesIO()
+    write_members(empty, {}, {block_name(k): block for k, block in enumerate(blocks)})
+    return Packed(
+        size=len(stream.getvalue()),
+        motion=len(empty.getvalue()),
+        frames=recording.frame_count,
+        largest_error=largest,
+        allowed_error=allowed,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Source:
+    """A recording, and its splat as whoever reads the file has it.
+
+    Parameters
+    ----------
+    order : (N,)
+        Rows of the recording as they lie in the file: object by object, what moves of it first, near by near.
+    members
+        Of the .sog.
+    held
+        The splat that it holds, in the world.
+    origin : (3,) [m]
+    diagonal [m]
+        Of all that moves, at rest.
+    headers, files, moving
+        Of every body.
+    """
+
+    recording: Recording
+    order: Array
+    members: Mapping[str, bytes]
+    held: Gaussians
+    origin: Array
+    diagonal: float
+    headers: tuple[BodyHeader, ...]
+    files: tuple[dict[str, bytes], ...]
+    moving: tuple[MovingBody, ...]
+
+    @classmethod
+    def of(cls, recording: Recording) -> _Source:
+        reference, bodies = recording.reference, recording.bodies
+        order, starts = _order(recording)
+        means = reference.means[order]
+        low, high = means.min(axis=0), means.max(axis=0)
+        origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]], dtype=np.float64)
+        turn = upright("-y")
+        away = Placement(rotation=turn.T, scale=1.0, translation=-turn.T @ origin)
+        members = sog_members(place(reference.select(order), away))
+        stream = io.BytesIO()
+        write_members(stream, members)
+        splat, _ = read_sog_zip(stream.getvalue(), recording.path)
+        held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
+        headers, files, moving = [], [], []
+        for body, first in zip(bodies, starts):
+            header = _header(body, first)
+            rows = np.searchsorted(body.rows, order[header.first : header.last])
+            carrier = body.carrier
+            files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
+            headers.append(header)
+            moving.append(body_of(header, files[-1], held))
+        rows = np.concatenate([body.rows for body in bodies])
+        return cls(
+            recording=recording,
+            order=order,
+            members=members,
+            held=held,
+            origin=origin,
+            diagonal=float(np.linalg.norm(np.ptp(reference.means[rows], axis=0))),
+            headers=tuple(headers),
+            files=tuple(files),
+            moving=tuple(moving),
+        )
+
+
+def _order(recording: Recording) -> tuple[Array, list[int]]:
+    """Rows as they lie in the file, and where every body begins there."""
+    reference, moving = recording.reference, recording.moving
+    parts: list[Array] = []
+    starts: dict[int, int] = {}
+    end = 0
+    for number, item in enumerate(recording.header.objects):
+        rows = np.arange(item.first, item.last)
+        for chosen in (rows[moving[rows]], rows[~moving[rows]]):
+            if len(chosen):
+                starts.setdefault(number, end)
+                parts.append(chosen[along_a_curve(reference.means[chosen].astype(np.float64))])
+                end += len(chosen)
+    return np.concatenate(parts), [starts[body.item] for body in recording.header.bodies]
+
+
+def _header(body: Body, first: int) -> BodyHeader:
+    # What moves by itself as well is not where points alone would take it.
+    drifts = body.drift is not None
+    kind = body.carrier.kind if body.carrier.kind in KINDS and not drifts else "free"
+    carried = kind != "free"
+    return BodyHeader(
+        name=body.name,
+        first=first,
+        last=first + len(body.rows),
+        kind=kind,
+        points=body.points.stop - body.points.start if carried else 0,
+        spacing=float(getattr(body.carrier, "spacing", 0.0)) if carried else 0.0,
+        centre=tuple(body.block.centre.tolist()),
+    )
+
+
+def _frames(
+    source: _Source, quantum: float, allowed: float, progress: Callable[[], None] | None
+) -> tuple[list[bytes], float]:
+    """The blocks, and the largest error [m]."""
+    recording = source.recording
+    writers = [FrameWriter() for _ in source.moving]
+    blocks: list[bytearray] = []
+    largest = 0.0
+    for frame in range(recording.frame_count):
+        if frame % _FRAMES_A_BLOCK == 0:
+            blocks.append(bytearray())
+        relative, shifts = recording.displacements(frame)
+        recorded = recording.simplices(frame)
+        for body, moving, header, writer, shift in zip(
+            recording.bodies, source.moving, source.headers, writers, shifts
+        ):
+            rows = np.searchsorted(body.rows, source.order[header.first : header.last])
+            simplices = recorded[body.name][rows]
+            rest = recording.reference.select(body.rows[rows])
+            if isinstance(moving, FreeBody):
+                numbers = moving.numbers_of(simplices, rest, shift, quantum)
+            else:
+                numbers = np.round(relative[body.points] / quantum).astype(np.int64)
+            held = source.held.select(moving.rows)
+            found = moving.simplices(numbers, shift, quantum)
+            corrections = Corrections.of(found, simplices, held, rest, quantum, allowed)
+            blocks[-1] += shift.astype("<f8").tobytes() + writer.write(numbers) + encoded_corrections(corrections)
+            found = corrections.applied(found, held, quantum)
+            largest = max(largest, float(np.linalg.norm(found[:, 0] - simplices[:, 0], axis=1).max()))
+        if progress is not None:
+            progress()
+    return [bytes(block) for block in blocks], largest

@@ -1,0 +1,224 @@
+"""`MovingSplat`: reads what `gasp pack` wrote."""
+
+from __future__ import annotations
+
+import math
+import struct
+import zipfile
+import zlib
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.errors import RecordingError, SplatFormatError
+from gasp_core.games import matter_rotations
+from gasp_core.gaussians import Gaussians
+from gasp_core.harmonics import turn_coefficients
+from gasp_core.io.memory_limit import refuse_unread
+from gasp_core.io.sog import read_sog_zip
+from gasp_core.moving.bodies import CarriedBody, Corrections, FreeBody, MovingBody, at_rest
+from gasp_core.moving.carriers import carrier_of
+from gasp_core.moving.frames import FrameReader, decoded_corrections
+from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.reduction.assembly import shapes
+from gasp_core.render_input import RenderInput
+from gasp_core.scene.placement import Placement, place, upright
+from gasp_core.scene.settings import MapChoice
+
+__all__ = ["MovingSplat", "block_name", "body_of"]
+
+Array = NDArray[Any]
+
+_LONGEST_HEADER = 1 << 22
+_WIDEST = 4 * 12 + 1
+"""Bytes that a row of a table or of a frame may take, at most."""
+
+
+class MovingSplat:
+    """A splat and its motion, from one file; use `MovingSplat.open`.
+
+    All that it gives is in metres, +z up.
+    """
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, header: MotionHeader, splat: Gaussians) -> None:
+        self.path = path
+        self.header = header
+        self._archive = archive
+        placement = Placement(rotation=upright("-y"), scale=1.0, translation=np.array(header.origin))
+        self.reference = place(splat, placement)
+        self._bodies = [self._body(number, body) for number, body in enumerate(header.bodies)]
+        self._held = [self.reference.select(body.rows) for body in self._bodies]
+        self._readers: list[FrameReader] = []
+        self._block = memoryview(b"")
+        self._next = 0
+        self._at: tuple[int, list[tuple[Array, Array, Corrections]]] = (-1, [])
+
+    @classmethod
+    def open(cls, path: str | Path) -> MovingSplat:
+        """Open a moving splat.
+
+        Raises
+        ------
+        SplatFormatError, RecordingError
+            Where it is none, is damaged or cut off, or of a newer version.
+        """
+        path = Path(path)
+        try:
+            refuse_unread(path, path.stat().st_size)
+            data = path.read_bytes()
+            archive = zipfile.ZipFile(BytesIO(data))
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror or error}: check the path") from error
+        except (zipfile.BadZipFile, struct.error, NotImplementedError, ValueError) as error:
+            raise RecordingError(f"{path}: is no moving splat, or cut off: pack or fetch it again") from error
+        if HEADER not in archive.namelist():
+            raise RecordingError(f"{path}: has no {HEADER}: it is no moving splat; gasp pack makes one of a run")
+        splat, _ = read_sog_zip(data, path)
+        header = MotionHeader.of(_fetch(archive, HEADER, _LONGEST_HEADER, path), path)
+        if header.bodies[-1].last > len(splat):
+            raise RecordingError(f"{path}: moves Gaussians that it does not have: {HEADER} is damaged")
+        return cls(path, archive, header, splat)
+
+    def __len__(self) -> int:
+        return self.header.frames
+
+    @property
+    def times(self) -> Array:
+        """Of the frames [s], (T,)."""
+        return np.arange(len(self)) / self.header.frame_rate
+
+    def gaussians(self, frame: int) -> Gaussians:
+        """All Gaussians at a frame, harmonics turned with the matter."""
+        moved, turns = self._moved(frame)
+        return moved if turns is None else moved.with_(harmonics=turn_coefficients(moved.harmonics, turns))
+
+    def splats(self, frame: int) -> RenderInput:
+        """The same for drawing: harmonics as at rest, and the turns of the matter beside them."""
+        moved, turns = self._moved(frame)
+        return RenderInput(
+            means=moved.means,
+            opacities=moved.opacities,
+            harmonics=moved.harmonics,
+            quaternions=moved.quaternions,
+            scales=moved.scales,
+            turns=turns,
+        )
+
+    def simplices(self, frame: int) -> list[tuple[Array, Array]]:
+        """For each body its rows (N,) of the splat, and the mean and the ends of the axes of each, (N, 4, 3) [m].
+
+        Frames are foretold by those before them: one after the other is fast, going back begins at the first again.
+
+        Raises
+        ------
+        IndexError
+            Where there is no such frame.
+        RecordingError
+            Where it is damaged.
+        """
+        if not 0 <= frame < len(self):
+            raise IndexError(f"{self.path}: has frames 0 to {len(self) - 1}, not {frame}")
+        if frame < self._next - 1:
+            self._next = 0
+        if self._next == 0:
+            self._readers = [FrameReader(body.numbers) for body in self._bodies]
+        while self._next <= frame:
+            self._at = (self._next, self._read(self._next))
+            self._next += 1
+        quantum = self.header.quantum
+        return [
+            (body.rows, corrections.applied(body.simplices(numbers, shift, quantum), held, quantum))
+            for body, held, (numbers, shift, corrections) in zip(self._bodies, self._held, self._at[1])
+        ]
+
+    def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:
+        means, quaternions, scales = (
+            np.array(getattr(self.reference, name), dtype=np.float64) for name in ("means", "quaternions", "scales")
+        )
+        turns = np.tile(np.eye(3), (len(means), 1, 1)) if self.reference.sh_degree else None
+        maps = MapChoice(alpha=math.inf if self.header.alpha is None else self.header.alpha)
+        for rest, (rows, simplices) in zip(self._held, self.simplices(frame)):
+            # About a place near them: the thinnest edges are lost in the digits of a place far away.
+            near = simplices[:, 0].mean(axis=0)
+            moved = shapes(simplices - near, rest, maps)
+            means[rows] = moved.gaussians.means + near
+            quaternions[rows], scales[rows] = moved.gaussians.quaternions, moved.gaussians.scales
+            if turns is not None:
+                turns[rows] = matter_rotations(moved.simplices, rest, moved.degenerate)
+        return self.reference.with_(means=means, quaternions=quaternions, scales=scales), turns
+
+    def _body(self, number: int, header: BodyHeader) -> MovingBody:
+        head, most = f"{FOLDER}{number}/", _WIDEST * (header.points + header.last - header.first) + 1024
+        names = [name for name in self._archive.namelist() if name.startswith(head)]
+        files = {name.removeprefix(head): _fetch(self._archive, name, most, self.path) for name in names}
+        try:
+            return body_of(header, files, self.reference)
+        except (KeyError, ValueError, IndexError) as error:
+            told = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise RecordingError(f"{self.path}: what carries {header.name!r} is damaged: {told}") from error
+
+    def _read(self, frame: int) -> list[tuple[Array, Array, Corrections]]:
+        """Numbers, mean displacement and corrections of every body in the frame that comes next."""
+        block, place = divmod(frame, self.header.frames_a_block)
+        if place == 0:
+            length = min(self.header.frames_a_block, len(self) - frame)
+            most = sum(4 * (math.prod(body.numbers) + 13 * len(body.rows)) + 64 for body in self._bodies)
+            self._block = memoryview(_fetch(self._archive, block_name(block), most * length, self.path))
+        found: list[tuple[Array, Array, Corrections]] = []
+        try:
+            for body, reader in zip(self._bodies, self._readers):
+                if len(self._block) < 24:
+                    raise ValueError("it is cut off")
+                shift = np.frombuffer(self._block, "<f8", 3)
+                numbers, self._block = reader.read(self._block[24:])
+                if not np.isfinite(shift).all():
+                    raise ValueError("a displacement is no number")
+                corrections, self._block = decoded_corrections(self._block, len(body.rows))
+                found.append((numbers, shift, corrections))
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
+        return found
+
+
+def body_of(header: BodyHeader, files: dict[str, bytes], reference: Gaussians) -> MovingBody:
+    """What is moved, from its files.
+
+    Raises
+    ------
+    ValueError, KeyError, IndexError
+        Where they are damaged.
+    """
+    rows = np.arange(header.first, header.last)
+    gaussians = reference.select(rows)
+    if header.kind == "free":
+        return FreeBody.of(rows, gaussians)
+    centre = np.array(header.centre)
+    return CarriedBody(
+        rows=rows,
+        centre=centre,
+        rest=at_rest(gaussians.with_(means=gaussians.means - centre)),
+        points=header.points,
+        carrier=carrier_of(header.kind, files, header.points, len(rows), header.spacing),
+    )
+
+
+def block_name(number: int) -> str:
+    """The file of some frames."""
+    return f"{FOLDER}frames_{number:04d}"
+
+
+def _fetch(archive: zipfile.ZipFile, name: str, most: int, path: Path) -> bytes:
+    """A file of the zip, no longer than it may be."""
+    try:
+        with archive.open(name) as member:
+            content = member.read(most + 1)
+    except KeyError:
+        raise RecordingError(f"{path}: has lost {name}: pack or fetch it again") from None
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError) as error:
+        raise RecordingError(f"{path}: {name} cannot be unpacked: pack or fetch it again") from error
+    if len(content) > most:
+        raise SplatFormatError(f"{path}: {name} is longer than it can be: the file is damaged")
+    return content

@@ -1,0 +1,46 @@
+"""What whoever plays a moving splat is told besides: where to look from, and what is solid."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from gasp_core.recording import Recording
+from gasp_core.rendering.footage import RecordedFootage
+from gasp_core.rendering.framing import frame_motion, motion_of
+from gasp_core.rendering.moving_footage import SHAPES
+from gasp_core.scene.model import Scene
+
+__all__ = ["camera_of", "colliders_of"]
+
+_SIZE = 1280, 720
+_AROUND, _ABOVE = 30.0, 18.0
+"""Degrees from the front to the right, and over the horizon."""
+
+
+def camera_of(recording: Recording) -> dict[str, Any]:
+    """Where a player begins: all that moves is in the middle of a picture of 16 to 9."""
+    width, height = _SIZE
+    camera = frame_motion(
+        motion_of(RecordedFootage(recording)), width=width, height=height, around=_AROUND, above=_ABOVE
+    )
+    eye = -camera.rotation.T @ camera.translation
+    means = recording.reference.means[recording.moving]
+    forward = camera.rotation[2]
+    reach = max(float(forward @ (means.mean(axis=0) - eye)), 10 * camera.near)
+    return {
+        "position": eye.tolist(),
+        "target": (eye + reach * forward).tolist(),
+        "vertical_angle": math.degrees(2 * math.atan(height / 2 / camera.focal_y)),
+    }
+
+
+def colliders_of(scene: Scene) -> list[dict[str, Any]]:
+    """What is solid and does not move, where a formula describes it."""
+    found: list[dict[str, Any]] = []
+    for one in scene.colliders:
+        if one.motion is None and isinstance(one.shape, tuple(SHAPES.values())):
+            shape: Any = one.shape
+            found.append({"kind": shape.kind, "side": one.side.value, **dataclasses.asdict(shape)})
+    return found
