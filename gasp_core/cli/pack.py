@@ -17,13 +17,19 @@ _SUFFIX = ".moving.sog"
     epilog="""\b
 Examples:
   gasp pack plant.gasp                           plant.moving.sog
-  gasp pack plant.gasp -o plant.sog --error 1e-3     a tenth as accurate, and smaller
+  gasp pack plant.gasp --html                    plant.html: a page that plays it
+  gasp pack plant.gasp -o p.sog --error 1e-3     a tenth as accurate, and smaller
   gasp render plant.moving.sog -o film.mp4       it is all one needs
 """
 )
 @click.argument("run", type=click.Path(path_type=Path))
+@click.option("--html", is_flag=True, help="A page that plays it, in any browser, without a network.")
 @click.option(
-    "--out", "-o", metavar="FILE", type=click.Path(path_type=Path), help=f"The file. [default: NAME{_SUFFIX}, here]"
+    "--out",
+    "-o",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help=f"The file, .sog or .html. [default: NAME{_SUFFIX}, here]",
 )
 @click.option(
     "--error",
@@ -34,7 +40,7 @@ Examples:
     help="How far a Gaussian may be from where it was recorded, of the diagonal of what moves.",
 )
 @overwrite_option("a file")
-def pack(run: Path, out: Path | None, error: float, overwrite: bool) -> None:
+def pack(run: Path, html: bool, out: Path | None, error: float, overwrite: bool) -> None:
     """Write a run as a moving splat, one file that one can send: a .sog, and how its Gaussians move.
 
     RUN is the folder that "gasp run" wrote. Whatever reads .sog shows the splat at rest; docs/moving_splats.md says how
@@ -46,9 +52,9 @@ def pack(run: Path, out: Path | None, error: float, overwrite: bool) -> None:
     from gasp_core.recording import Recording
     from gasp_core.rendering.player import camera_of, colliders_of
 
-    path = out if out is not None else Path(f"{run.resolve().stem}{_SUFFIX}")
-    if path.suffix.lower() != ".sog":
-        raise click.UsageError(f"--out {path} does not end in .sog, which is what it is")
+    path = out if out is not None else Path(f"{run.resolve().stem}{'.html' if html else _SUFFIX}")
+    if path.suffix.lower() not in ((".html",) if html else (".sog", ".html")):
+        raise click.UsageError(f"--out {path} does not end in {'.html' if html else '.sog or .html'}")
     keep_what_is_there([path], overwrite)
     recording = Recording.open(run)
     if recording.frame_count == 0:
@@ -64,5 +70,5 @@ def pack(run: Path, out: Path | None, error: float, overwrite: bool) -> None:
         )
     each = found.motion / found.frames / 1e3
     off = 1e3 * found.largest_error
-    click.echo(f"{path}: {found.frames:,} frames, {found.size / 1e6:.1f} MB")
+    click.echo(f"{path}: {found.frames:,} frames, {path.stat().st_size / 1e6:.1f} MB")
     click.echo(f"  the motion takes {each:.1f} kB a frame; no Gaussian is off by more than {off:.2g} mm")

@@ -20,6 +20,7 @@ from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
 from gasp_core.moving.carriers import KINDS, files_of
 from gasp_core.moving.frames import FrameWriter, encoded_corrections
 from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.moving.html import write_page
 from gasp_core.moving.reading import block_name, body_of
 from gasp_core.recording.reader import Recording
 from gasp_core.reduction.assembly import Body
@@ -44,7 +45,7 @@ class Packed:
     Parameters
     ----------
     size
-        Of the file [bytes].
+        Of the splat and its motion [bytes]; a page takes a third more.
     motion
         What of it is the motion, without the splat and the carriers [bytes].
     frames
@@ -71,14 +72,15 @@ def pack(
     colliders: Sequence[Mapping[str, Any]] = (),
     progress: Callable[[], None] | None = None,
 ) -> Packed:
-    """Write a recording as a moving splat, a file that one can send.
+    """Write a recording as a moving splat, a file that one can send; as a page that plays it where its name ends so.
 
     Parameters
     ----------
     recording
         With at least one frame.
     path
-        Where to; an existing file is replaced.
+        Where to; an existing file is replaced. What ends in ``.html`` is a page that plays it, in any browser that has
+        WebGL 2, without a network.
     error
         How far any mean of any frame may be from where it was recorded, as a share of the diagonal of what moves.
     camera, colliders
@@ -126,8 +128,11 @@ def pack(
     packed = {HEADER: header.encoded(), **files, **{block_name(k): block for k, block in enumerate(blocks)}}
     stream = io.BytesIO()
     write_members(stream, source.members, packed)
-    with replacing(path) as target:
-        target.write(stream.getvalue())
+    if path.suffix.lower() == ".html":
+        write_page(path, stream.getvalue(), path.stem)
+    else:
+        with replacing(path) as target:
+            target.write(stream.getvalue())
     empty = io.BytesIO()
     write_members(empty, {}, {block_name(k): block for k, block in enumerate(blocks)})
     return Packed(

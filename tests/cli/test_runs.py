@@ -114,6 +114,9 @@ def test_a_run_in_one_file_and_a_film_of_it(gasp, run, refused, workplace):
     refused("pack", "toy.ply", says=["toy.ply", "a recording is a folder"])
     refused("pack", "scene.gasp", "-o", "missing/a.sog", says=["missing/a.sog", "cannot be written"])
     assert gasp("pack", "scene.gasp", "--overwrite", "--error", "1e-3").status == 0
+    assert gasp("pack", "scene.gasp", "--html").out.startswith("scene.html: 3 frames, ")
+    assert "<canvas" in (workplace / "scene.html").read_text(encoding="utf-8")
+    refused("pack", "scene.gasp", "--html", "-o", "scene.sog", says=["scene.sog", ".html"])
     footage = open_footage("scene.moving.sog")
     assert (footage.frame_count, footage.frame_rate) == (3, run.header.frame_rate)
     assert [type(one.shape) for one in footage.colliders] == [type(one.shape) for one in run.scene.colliders]

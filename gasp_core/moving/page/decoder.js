@@ -1,0 +1,572 @@
+// Reads a moving splat: docs/moving_splats.md, in the order of that page. Runs in browsers and in Node.
+
+/** Files of a zip by their names: functions that give their bytes. */
+export function filesOf(zip) {
+  const view = new DataView(zip.buffer, zip.byteOffset, zip.byteLength);
+  let end = zip.length - 22;
+  while (end >= 0 && view.getUint32(end, true) !== 0x06054b50) end--;
+  if (end < 0) throw new Error("this is no moving splat, or cut off");
+  const files = new Map();
+  let at = view.getUint32(end + 16, true);
+  for (let count = view.getUint16(end + 10, true); count > 0; count--) {
+    const method = view.getUint16(at + 10, true);
+    const size = view.getUint32(at + 20, true);
+    const [name, extra, comment] = [28, 30, 32].map((place) => view.getUint16(at + place, true));
+    const local = view.getUint32(at + 42, true);
+    const called = new TextDecoder().decode(zip.subarray(at + 46, at + 46 + name));
+    const start = local + 30 + view.getUint16(local + 26, true) + view.getUint16(local + 28, true);
+    const packed = zip.subarray(start, start + size);
+    files.set(called, () => (method === 0 ? Promise.resolve(packed) : inflated(packed)));
+    at += 46 + name + extra + comment;
+  }
+  return files;
+}
+
+async function inflated(packed) {
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Whole numbers, read one table after the other. */
+class Numbers {
+  constructor(bytes) {
+    this.bytes = bytes;
+    this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    this.at = 0;
+  }
+
+  byte() {
+    return this.view.getUint8(this.at++);
+  }
+
+  table(rows, columns) {
+    const width = this.byte();
+    const count = rows * columns;
+    if (width < 1 || width > 4 || this.at + width * count > this.bytes.length) throw new Error("numbers are cut off");
+    const found = new Int32Array(count);
+    for (let column = 0; column < columns; column++) {
+      let above = 0;
+      for (let row = 0; row < rows; row++) {
+        const place = this.at + column * rows + row;
+        let folded = 0;
+        for (let plane = 0; plane < width; plane++) folded |= this.bytes[place + plane * count] << (8 * plane);
+        above += (folded >>> 1) ^ -(folded & 1);
+        found[row * columns + column] = above;
+      }
+    }
+    this.at += width * count;
+    return found;
+  }
+
+  doubles(count) {
+    const found = Array.from({ length: count }, (_, index) => this.view.getFloat64(this.at + 8 * index, true));
+    this.at += 8 * count;
+    return found;
+  }
+
+  count() {
+    this.at += 4;
+    return this.view.getUint32(this.at - 4, true);
+  }
+}
+
+const SHARES = 65535;
+const AXIS_STEPS = 512;
+const TORN = 2.0;
+const REACH = 2.1;
+const THIN = 1e-4;
+const THINNEST = 1e-5;
+
+async function table(file, rows) {
+  const numbers = new Numbers(await file());
+  const columns = numbers.byte();
+  return { columns, values: numbers.table(rows, columns) };
+}
+
+async function floats(file) {
+  const bytes = await file();
+  return new Float32Array(bytes.slice().buffer);
+}
+
+/** Gaussians that each move by themselves: nothing carries them. */
+class Free {
+  constructor(rows) {
+    this.shape = [rows, 12];
+  }
+}
+
+/** Points that fill a body. */
+class Volume {
+  static async of(body, file) {
+    const carrier = new Volume();
+    const rows = body.last - body.first;
+    carrier.shape = [body.points, 3];
+    carrier.spacing = body.spacing;
+    carrier.points = await floats(file("points"));
+    carrier.neighbours = await table(file("neighbours"), body.points);
+    carrier.labels = await table(file("labels"), rows);
+    carrier.weights = await table(file("weights"), rows);
+    carrier.maps = new Float64Array(12 * body.points);
+    return carrier;
+  }
+
+  /** Affine maps of all points, b then G row by row, from their displacements. */
+  prepare(moves) {
+    const { points, neighbours, maps } = this;
+    const { values, columns } = neighbours;
+    const limit = (REACH * this.spacing) ** 2;
+    const most = 3 * (TORN * TORN - 1);
+    const sums = new Float64Array(9);
+    const inverse = new Float64Array(6);
+    for (let p = 0; p < this.shape[0]; p++) {
+      const px = points[3 * p], py = points[3 * p + 1], pz = points[3 * p + 2];
+      const pu = moves[3 * p], pv = moves[3 * p + 1], pw = moves[3 * p + 2];
+      let total = 1, cx = 0, cy = 0, cz = 0, su = 0, sv = 0, sw = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+      sums.fill(0);
+      for (let k = 0; k < columns; k++) {
+        const offset = values[p * columns + k];
+        if (offset === 0) continue;
+        const q = 3 * (p + offset);
+        const x = points[q] - px, y = points[q + 1] - py, z = points[q + 2] - pz;
+        const u = moves[q] - pu, v = moves[q + 1] - pv, w = moves[q + 2] - pw;
+        const square = x * x + y * y + z * z;
+        const now = (x + u) * (x + u) + (y + v) * (y + v) + (z + w) * (z + w);
+        if (now > TORN * TORN * square || square >= limit) continue;
+        const weight = (1 - square / limit) ** 2;
+        total += weight;
+        cx += weight * x, cy += weight * y, cz += weight * z;
+        su += weight * u, sv += weight * v, sw += weight * w;
+        xx += weight * x * x, xy += weight * x * y, xz += weight * x * z;
+        yy += weight * y * y, yz += weight * y * z, zz += weight * z * z;
+        sums[0] += weight * u * x, sums[1] += weight * u * y, sums[2] += weight * u * z;
+        sums[3] += weight * v * x, sums[4] += weight * v * y, sums[5] += weight * v * z;
+        sums[6] += weight * w * x, sums[7] += weight * w * y, sums[8] += weight * w * z;
+      }
+      const share = 1 / total;
+      cx *= share, cy *= share, cz *= share, su *= share, sv *= share, sw *= share;
+      xx = xx * share - cx * cx, xy = xy * share - cx * cy, xz = xz * share - cx * cz;
+      yy = yy * share - cy * cy, yz = yz * share - cy * cz, zz = zz * share - cz * cz;
+      inverse[0] = yy * zz - yz * yz, inverse[1] = xz * yz - xy * zz, inverse[2] = xy * yz - xz * yy;
+      inverse[3] = xx * zz - xz * xz, inverse[4] = xy * xz - xx * yz, inverse[5] = xx * yy - xy * xy;
+      const determinant = xx * inverse[0] + xy * inverse[1] + xz * inverse[2];
+      const mean = (xx + yy + zz) / 3;
+      const row = 12 * p;
+      maps.fill(0, row, row + 12);
+      if (determinant > THIN * mean ** 3) {
+        let size = 0;
+        for (let i = 0; i < 3; i++) {
+          const s = i === 0 ? su : i === 1 ? sv : sw;
+          const a = sums[3 * i] * share - s * cx, b = sums[3 * i + 1] * share - s * cy, c = sums[3 * i + 2] * share - s * cz;
+          const g = row + 3 + 3 * i;
+          maps[g] = (a * inverse[0] + b * inverse[1] + c * inverse[2]) / determinant;
+          maps[g + 1] = (a * inverse[1] + b * inverse[3] + c * inverse[4]) / determinant;
+          maps[g + 2] = (a * inverse[2] + b * inverse[4] + c * inverse[5]) / determinant;
+          size += maps[g] ** 2 + maps[g + 1] ** 2 + maps[g + 2] ** 2;
+        }
+        const spread = maps[row + 3] + maps[row + 7] + maps[row + 11];
+        if (size + 2 * spread > most) {
+          const less = (Math.sqrt(spread * spread + size * most) - spread) / size;
+          for (let entry = 3; entry < 12; entry++) maps[row + entry] *= less;
+        }
+        cx += px, cy += py, cz += pz;
+      } else su = sv = sw = 0;
+      for (let i = 0; i < 3; i++) {
+        const g = row + 3 + 3 * i;
+        const s = i === 0 ? su : i === 1 ? sv : sw;
+        maps[row + i] = moves[3 * p + i] + s - (maps[g] * cx + maps[g + 1] * cy + maps[g + 2] * cz);
+      }
+    }
+  }
+
+  /** The map of one Gaussian whose mean rests at x, y, z, into `map`. */
+  map(row, x, y, z, map) {
+    const { labels, weights, maps, points } = this;
+    const first = row * labels.columns;
+    const own = labels.values[first];
+    let total = weights.values[row * weights.columns];
+    const start = 12 * own;
+    if (total === 0) {
+      map.fill(0);
+      for (let i = 0; i < 3; i++) map[i] = applied(maps, start, i, points[3 * own], points[3 * own + 1], points[3 * own + 2]);
+      return;
+    }
+    const u = applied(maps, start, 0, x, y, z);
+    const v = applied(maps, start, 1, x, y, z);
+    const w = applied(maps, start, 2, x, y, z);
+    for (let entry = 0; entry < 12; entry++) map[entry] = total * maps[start + entry];
+    for (let k = 1; k < labels.columns; k++) {
+      const weight = weights.values[row * weights.columns + k];
+      const other = 12 * (own + labels.values[first + k]);
+      const du = applied(maps, other, 0, x, y, z) - u;
+      const dv = applied(maps, other, 1, x, y, z) - v;
+      const dw = applied(maps, other, 2, x, y, z) - w;
+      if (du * du + dv * dv + dw * dw > this.spacing * this.spacing) continue;
+      total += weight;
+      for (let entry = 0; entry < 12; entry++) map[entry] += weight * maps[other + entry];
+    }
+    const share = 1 / total;
+    for (let entry = 0; entry < 12; entry++) map[entry] *= share;
+  }
+}
+
+// Symmetric matrices as xx, xy, xz, yy, yz, zz.
+const ROW = [0, 0, 0, 1, 1, 2];
+const COLUMN = [0, 1, 2, 1, 2, 2];
+const INDEX = [0, 1, 2, 1, 3, 4, 2, 4, 5];
+
+function accumulate(moments, weight, x) {
+  for (let i = 0; i < 6; i++) moments[i] += weight * x[ROW[i]] * x[COLUMN[i]];
+}
+
+function adjugate([xx, xy, xz, yy, yz, zz]) {
+  return [
+    yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy,
+    xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy,
+  ];
+}
+
+function applied(maps, start, i, x, y, z) {
+  const g = start + 3 + 3 * i;
+  return maps[start + i] + maps[g] * x + maps[g + 1] * y + maps[g + 2] * z;
+}
+
+/** Eigenvalues of a symmetric matrix, ascending (Smith 1961, 10.1145/355578.366316). */
+function eigenvalues(m) {
+  const mean = (m[0] + m[3] + m[5]) / 3;
+  const off = m[1] ** 2 + m[2] ** 2 + m[4] ** 2;
+  const p = Math.sqrt(((m[0] - mean) ** 2 + (m[3] - mean) ** 2 + (m[5] - mean) ** 2 + 2 * off) / 6);
+  if (p === 0) return [mean, mean, mean];
+  const b = m.map((value, index) => (value - ([0, 3, 5].includes(index) ? mean : 0)) / p);
+  const a = adjugate(b);
+  const half = Math.max(-1, Math.min(1, (b[0] * a[0] + b[1] * a[1] + b[2] * a[2]) / 2));
+  const angle = Math.acos(half) / 3;
+  const high = mean + 2 * p * Math.cos(angle);
+  const low = mean + 2 * p * Math.cos(angle + (2 * Math.PI) / 3);
+  return [low, 3 * mean - high - low, high];
+}
+
+/** One level of cores: how they move what they stand for. */
+class Level {
+  static async of(file, has, number, rows) {
+    const level = new Level();
+    level.points = await floats(file(`${number}/points`));
+    level.count = level.points.length / 12;
+    level.labels = (await table(file(`${number}/labels`), rows)).values;
+    level.fits = has(`${number}/neighbours`);
+    level.sums = new Float64Array(15 * level.count);
+    level.summed = new Float64Array(15);
+    level.turns = new Float64Array(9 * level.count);
+    level.rest = new Float64Array(6 * level.count);
+    for (let core = 0; core < level.count; core++) {
+      const offset = new Float64Array(3);
+      for (let v = 0; v < 4; v++) {
+        for (let i = 0; i < 3; i++) level.sums[15 * core + 3 + i] += level.points[12 * core + 3 * v + i] / 4;
+      }
+      for (let v = 0; v < 4; v++) {
+        for (let i = 0; i < 3; i++) offset[i] = level.points[12 * core + 3 * v + i] - level.sums[15 * core + 3 + i];
+        accumulate(level.rest.subarray(6 * core, 6 * core + 6), 0.25, offset);
+      }
+    }
+    if (level.fits) {
+      level.neighbours = await table(file(`${number}/neighbours`), rows);
+      level.weights = await table(file(`${number}/weights`), rows);
+      level.inverses = new Float64Array(6 * rows);
+      level.fallen = new Uint8Array(rows);
+      for (let row = 0; row < rows; row++) level.invert(row);
+    }
+    return level;
+  }
+
+  invert(row) {
+    const columns = this.neighbours.columns;
+    const place = new Float64Array(3);
+    const moments = new Array(6).fill(0);
+    for (let k = 0; k < columns; k++) {
+      const weight = this.weights.values[row * columns + k] / SHARES;
+      const core = this.neighbours.values[row * columns + k];
+      for (let i = 0; i < 3; i++) place[i] += weight * this.sums[15 * core + 3 + i];
+    }
+    const offset = new Float64Array(3);
+    for (let k = 0; k < columns; k++) {
+      const weight = this.weights.values[row * columns + k] / SHARES;
+      const core = this.neighbours.values[row * columns + k];
+      for (let i = 0; i < 3; i++) offset[i] = this.sums[15 * core + 3 + i] - place[i];
+      accumulate(moments, weight, offset);
+      for (let i = 0; i < 6; i++) moments[i] += weight * this.rest[6 * core + i];
+    }
+    const [low, , high] = eigenvalues(moments);
+    if (!(low > THINNEST * high)) {
+      this.fallen[row] = 1;
+      return;
+    }
+    const inverse = adjugate(moments);
+    const determinant = moments[0] * inverse[0] + moments[1] * inverse[1] + moments[2] * inverse[2];
+    for (let i = 0; i < 6; i++) this.inverses[6 * row + i] = inverse[i] / determinant;
+  }
+
+  /** Sums over the corners of every core, from their displacements. */
+  prepare(moves) {
+    const rigid = !this.fits || this.fallen.some((fallen) => fallen);
+    for (let core = 0; core < this.count; core++) {
+      const row = this.sums.subarray(15 * core, 15 * core + 15);
+      row.fill(0, 0, 3), row.fill(0, 6);
+      for (let v = 0; v < 4; v++) {
+        for (let i = 0; i < 3; i++) {
+          const move = moves[12 * core + 3 * v + i] / 4;
+          row[i] += move;
+          for (let j = 0; j < 3; j++) row[6 + 3 * i + j] += move * this.points[12 * core + 3 * v + j];
+        }
+      }
+      if (rigid) this.turn(core, row);
+    }
+  }
+
+  turn(core, row) {
+    const rest = this.rest.subarray(6 * core, 6 * core + 6);
+    const inverse = adjugate(rest);
+    const determinant = rest[0] * inverse[0] + rest[1] * inverse[1] + rest[2] * inverse[2];
+    const gradient = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+    if (determinant > 0) {
+      for (let i = 0; i < 3; i++) {
+        for (let j = 0; j < 3; j++) {
+          for (let k = 0; k < 3; k++) {
+            gradient[3 * i + j] += ((row[6 + 3 * i + k] - row[i] * row[3 + k]) * inverse[INDEX[3 * k + j]]) / determinant;
+          }
+        }
+      }
+    }
+    rotate(gradient);
+    this.turns.set(gradient, 9 * core);
+  }
+
+  map(row, map) {
+    const { sums } = this;
+    if (!this.fits || this.fallen[row]) {
+      const core = this.labels[row];
+      for (let i = 0; i < 3; i++) {
+        let turned = 0;
+        for (let j = 0; j < 3; j++) {
+          const g = this.turns[9 * core + 3 * i + j] - (i === j ? 1 : 0);
+          map[3 + 3 * i + j] = g;
+          turned += g * sums[15 * core + 3 + j];
+        }
+        map[i] = sums[15 * core + i] - turned;
+      }
+      return;
+    }
+    const columns = this.neighbours.columns;
+    const { summed, inverses } = this;
+    summed.fill(0);
+    for (let k = 0; k < columns; k++) {
+      const weight = this.weights.values[row * columns + k] / SHARES;
+      if (weight === 0) continue;
+      const core = 15 * this.neighbours.values[row * columns + k];
+      for (let entry = 0; entry < 15; entry++) summed[entry] += weight * sums[core + entry];
+    }
+    const at = 6 * row;
+    const xx = inverses[at], xy = inverses[at + 1], xz = inverses[at + 2];
+    const yy = inverses[at + 3], yz = inverses[at + 4], zz = inverses[at + 5];
+    for (let i = 0; i < 3; i++) {
+      const g = 6 + 3 * i;
+      const a = summed[g] - summed[i] * summed[3];
+      const b = summed[g + 1] - summed[i] * summed[4];
+      const c = summed[g + 2] - summed[i] * summed[5];
+      const g0 = a * xx + b * xy + c * xz, g1 = a * xy + b * yy + c * yz, g2 = a * xz + b * yz + c * zz;
+      map[3 + 3 * i] = g0, map[4 + 3 * i] = g1, map[5 + 3 * i] = g2;
+      map[i] = summed[i] - (g0 * summed[3] + g1 * summed[4] + g2 * summed[5]);
+    }
+  }
+}
+
+/** The rotation of a matrix, row by row, into `a`: the limit of (A + A^-T) / 2 (Higham 1986, 10.1137/0907079). */
+export function rotate(a) {
+  for (let turn = 0; turn < 12; turn++) {
+    const c0 = a[4] * a[8] - a[5] * a[7], c1 = a[5] * a[6] - a[3] * a[8], c2 = a[3] * a[7] - a[4] * a[6];
+    const c3 = a[2] * a[7] - a[1] * a[8], c4 = a[0] * a[8] - a[2] * a[6], c5 = a[1] * a[6] - a[0] * a[7];
+    const c6 = a[1] * a[5] - a[2] * a[4], c7 = a[2] * a[3] - a[0] * a[5], c8 = a[0] * a[4] - a[1] * a[3];
+    const determinant = a[0] * c0 + a[1] * c1 + a[2] * c2;
+    if (!(Math.abs(determinant) > 1e-12)) {
+      for (let entry = 0; entry < 9; entry++) a[entry] = entry % 4 === 0 ? 1 : 0;
+      return;
+    }
+    const share = 1 / determinant;
+    const d0 = c0 * share - a[0], d4 = c4 * share - a[4], d8 = c8 * share - a[8];
+    a[0] += d0 / 2, a[1] = (a[1] + c1 * share) / 2, a[2] = (a[2] + c2 * share) / 2;
+    a[3] = (a[3] + c3 * share) / 2, a[4] += d4 / 2, a[5] = (a[5] + c5 * share) / 2;
+    a[6] = (a[6] + c6 * share) / 2, a[7] = (a[7] + c7 * share) / 2, a[8] += d8 / 2;
+    // It converges quadratically: what is left after a step of 1e-4 is 1e-8.
+    if (Math.abs(determinant - 1) < 1e-8 && Math.abs(d0) + Math.abs(d4) + Math.abs(d8) < 1e-4) return;
+  }
+}
+
+/** Cores, and cores of cores. */
+class Cores {
+  static async of(body, file, has) {
+    const carrier = new Cores();
+    carrier.shape = [body.points, 3];
+    carrier.levels = [];
+    let count = 0;
+    while (has(`${count}/points`)) count++;
+    for (let number = 0; number < count; number++) {
+      const below = number + 1 < count ? (await floats(file(`${number + 1}/points`))).length / 12 : body.last - body.first;
+      carrier.levels.push(await Level.of(file, has, number, below));
+    }
+    return carrier;
+  }
+
+  prepare(moves) {
+    const map = new Float64Array(12);
+    for (const [number, level] of this.levels.entries()) {
+      level.prepare(moves);
+      const below = this.levels[number + 1];
+      if (!below) return;
+      moves = new Float64Array(12 * below.count);
+      for (let core = 0; core < below.count; core++) {
+        level.map(core, map);
+        for (let v = 0; v < 4; v++) {
+          const at = 12 * core + 3 * v;
+          const [x, y, z] = below.points.subarray(at, at + 3);
+          for (let i = 0; i < 3; i++) moves[at + i] = applied(map, 0, i, x, y, z);
+        }
+      }
+    }
+  }
+
+  map(row, x, y, z, map) {
+    this.levels.at(-1).map(row, map);
+  }
+}
+
+/**
+ * The motion of a splat.
+ *
+ * `means` (3 S) and `axes` (9 S; the axes of Gaussians, a unit vector a column, row by row) rest in the world, `scales`
+ * (3 S). After `show(frame)`, `places` (3 S) and `edges` (9 S; the axes where they are now, times their lengths, a vector a
+ * column) are those of the frame, and `gradients` (9 S) is F of each Gaussian.
+ */
+export class Motion {
+  static async of(files, means, axes, scales) {
+    const motion = new Motion();
+    const header = JSON.parse(new TextDecoder().decode(await files.get("motion.json")()));
+    if (header.format !== "gasp-moving-splat" || header.version !== 1) {
+      throw new Error(`a moving splat of version ${header.version} is not read here`);
+    }
+    Object.assign(motion, { header, files, means, axes, scales });
+    motion.places = Float32Array.from(means);
+    motion.edges = new Float32Array(axes.length);
+    motion.gradients = new Float32Array(axes.length);
+    for (let entry = 0; entry < axes.length; entry++) {
+      motion.edges[entry] = axes[entry] * scales[3 * Math.floor(entry / 9) + (entry % 3)];
+      motion.gradients[entry] = entry % 9 % 4 === 0 ? 1 : 0;
+    }
+    motion.bodies = [];
+    for (const [number, body] of header.bodies.entries()) {
+      const name = (file) => `motion/${number}/${file}`;
+      const has = (file) => files.has(name(file));
+      const file = (wanted) => {
+        if (!has(wanted)) throw new Error(`this moving splat has lost ${name(wanted)}`);
+        return files.get(name(wanted));
+      };
+      const kinds = { free: () => new Free(body.last - body.first), volume: () => Volume.of(body, file), cores: () => Cores.of(body, file, has) };
+      motion.bodies.push({ body, carrier: await kinds[body.kind]() });
+    }
+    motion.frames = [];
+    return motion;
+  }
+
+  /** Decode the frames up to this one, as they foretell each other. */
+  async decode(frame) {
+    while (this.frames.length <= frame) {
+      const next = this.frames.length;
+      if (next % this.header.frames_a_block === 0) {
+        const name = `motion/frames_${String(next / this.header.frames_a_block).padStart(4, "0")}`;
+        if (!this.files.has(name)) throw new Error(`this moving splat has lost ${name}`);
+        this.block = new Numbers(await this.files.get(name)());
+      }
+      this.frames.push(this.bodies.map((one, index) => this.read(one, next, index)));
+    }
+  }
+
+  read({ body, carrier }, frame, index) {
+    const shift = this.block.doubles(3);
+    const foretold = this.block.byte();
+    const [rows, columns] = carrier.shape;
+    const numbers = this.block.table(rows, columns);
+    const [last, before] = [1, 2].map((ago) => this.frames[frame - ago]?.[index].numbers);
+    if (foretold > 2 || (foretold > 0 && !last) || (foretold > 1 && !before)) throw new Error(`frame ${frame} is damaged`);
+    if (foretold === 1) for (let k = 0; k < numbers.length; k++) numbers[k] += last[k];
+    if (foretold === 2) for (let k = 0; k < numbers.length; k++) numbers[k] += 2 * last[k] - before[k];
+    const count = this.block.count();
+    const corrections = count
+      ? { rows: this.block.table(count, 1), numbers: this.block.table(count, 12) }
+      : { rows: [], numbers: [] };
+    // Most numbers are small, and all frames stay in memory.
+    const small = numbers.every((value) => value === (value << 16) >> 16) ? Int16Array.from(numbers) : numbers;
+    return { shift, numbers: small, corrections };
+  }
+
+  async show(frame) {
+    await this.decode(frame);
+    this.bodies.forEach(({ body, carrier }, index) => {
+      const found = this.frames[frame][index];
+      if (carrier instanceof Free) this.free(body, found);
+      else this.carried(body, carrier, found);
+      this.correct(body, found.corrections);
+    });
+  }
+
+  carried(body, carrier, { numbers, shift }) {
+    const { means, axes, scales, places, edges, gradients } = this;
+    const { quantum } = this.header;
+    const moves = new Float64Array(numbers.length);
+    for (let k = 0; k < moves.length; k++) moves[k] = numbers[k] * quantum;
+    carrier.prepare(moves);
+    const map = new Float64Array(12);
+    const [cx, cy, cz] = body.centre;
+    for (let row = body.first; row < body.last; row++) {
+      const m = 3 * row, e = 9 * row;
+      const x = means[m] - cx, y = means[m + 1] - cy, z = means[m + 2] - cz;
+      carrier.map(row - body.first, x, y, z, map);
+      for (let i = 0; i < 3; i++) {
+        const g0 = map[3 + 3 * i], g1 = map[4 + 3 * i], g2 = map[5 + 3 * i];
+        const o = e + 3 * i;
+        places[m + i] = means[m + i] + shift[i] + map[i] + g0 * x + g1 * y + g2 * z;
+        gradients[o] = g0, gradients[o + 1] = g1, gradients[o + 2] = g2;
+        gradients[o + i] += 1;
+        edges[o] = (axes[o] + g0 * axes[e] + g1 * axes[e + 3] + g2 * axes[e + 6]) * scales[m];
+        edges[o + 1] = (axes[o + 1] + g0 * axes[e + 1] + g1 * axes[e + 4] + g2 * axes[e + 7]) * scales[m + 1];
+        edges[o + 2] = (axes[o + 2] + g0 * axes[e + 2] + g1 * axes[e + 5] + g2 * axes[e + 8]) * scales[m + 2];
+      }
+    }
+  }
+
+  free(body, { numbers, shift }) {
+    const { means, axes, scales, places, edges, gradients } = this;
+    for (let row = body.first; row < body.last; row++) {
+      const at = 12 * (row - body.first);
+      for (let i = 0; i < 3; i++) places[3 * row + i] = means[3 * row + i] + shift[i] + numbers[at + i] * this.header.quantum;
+      for (let entry = 0; entry < 9; entry++) {
+        edges[9 * row + entry] = axes[9 * row + entry] + numbers[at + 3 + entry] / AXIS_STEPS;
+      }
+      // F takes the axes at rest to where they are.
+      for (let i = 0; i < 3; i++) {
+        for (let j = 0; j < 3; j++) {
+          let sum = 0;
+          for (let k = 0; k < 3; k++) sum += edges[9 * row + 3 * i + k] * axes[9 * row + 3 * j + k];
+          gradients[9 * row + 3 * i + j] = sum;
+        }
+      }
+      for (let entry = 0; entry < 9; entry++) edges[9 * row + entry] *= scales[3 * row + (entry % 3)];
+    }
+  }
+
+  correct(body, { rows, numbers }) {
+    for (let k = 0; k < rows.length; k++) {
+      const row = body.first + rows[k];
+      for (let i = 0; i < 3; i++) this.places[3 * row + i] += numbers[12 * k + i] * this.header.quantum;
+      for (let entry = 0; entry < 9; entry++) {
+        this.edges[9 * row + entry] += (numbers[12 * k + 3 + entry] / AXIS_STEPS) * this.scales[3 * row + (entry % 3)];
+      }
+    }
+  }
+}
