@@ -6,25 +6,44 @@ import dataclasses
 import math
 from typing import Any
 
+from gasp_core.errors import RenderingError
 from gasp_core.recording import Recording
 from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.rendering.framing import frame_motion, motion_of
 from gasp_core.rendering.moving_footage import SHAPES
+from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.viewpoints import cameras_for
 from gasp_core.scene.model import Scene
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["camera_of", "colliders_of"]
 
 _SIZE = 1280, 720
-_AROUND, _ABOVE = 30.0, 18.0
-"""Degrees from the front to the right, and over the horizon."""
 
 
 def camera_of(recording: Recording) -> dict[str, Any]:
-    """Where a player begins: all that moves is in the middle of a picture of 16 to 9."""
+    """Where a player begins: where the scene's camera stands, or where all that moves is in a picture of 16 to 9."""
     width, height = _SIZE
-    camera = frame_motion(
-        motion_of(RecordedFootage(recording)), width=width, height=height, around=_AROUND, above=_ABOVE
-    )
+    footage = RecordedFootage(recording)
+    motion = motion_of(footage)
+    told = footage.camera
+    choice = told if told is not None and told.position is not None else CameraChoice(follow=False)
+    try:
+        renderer = open_renderer()
+    except RenderingError:
+        around, above = choice.direction
+        camera = frame_motion(motion, width=width, height=height, around=around, above=above)
+    else:
+        (camera,) = cameras_for(
+            footage,
+            choice,
+            motion=motion,
+            subject=footage.subject,
+            numbers=[0],
+            renderer=renderer,
+            width=width,
+            height=height,
+        )
     eye = -camera.rotation.T @ camera.translation
     means = recording.reference.means[recording.moving]
     forward = camera.rotation[2]

@@ -145,7 +145,7 @@ async function main() {
   window.addEventListener("resize", () => (state.changed = true));
 
   // For whoever drives the page from outside.
-  window.gasp = { state, play, seek, draw, motion, ready: true };
+  window.gasp = { state, play, seek, motion, painter, orbit };
   play(true);
   await loop();
 }
