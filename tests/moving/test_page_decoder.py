@@ -9,25 +9,36 @@ import pytest
 
 import gasp_core.moving
 from gasp_core import MovingSplat, pack
+from gasp_core.games import polar_rotations
 from gasp_core.gaussians import rotation_matrices
 
 DECODER = Path(gasp_core.moving.__file__).parent / "page" / "decoder.js"
 
 
 @pytest.fixture
-def decoded(tmp_path):
-    """decoded(splat, frames) -> places, edges and gradients of frames, as a browser has them."""
-    node = shutil.which("node")
-    if node is None:
+def node():
+    """node(script, ...) runs a script beside this file, which is given the decoder first of all."""
+    program = shutil.which("node")
+    if program is None:
         pytest.skip("no node here, which runs what browsers run")
+
+    def run(script, *arguments):
+        command = [program, Path(__file__).parent / script, DECODER, *arguments]
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+    return run
+
+
+@pytest.fixture
+def decoded(node, tmp_path):
+    """decoded(splat, frames) -> places, edges and gradients of frames, as a browser has them."""
 
     def run(splat, frames):
         rest = splat.reference
         arrays = (rest.means, rotation_matrices(rest.quaternions), rest.scales)
         (tmp_path / "rest").write_bytes(b"".join(array.astype("<f4").tobytes() for array in arrays))
-        command = [node, Path(__file__).parent / "decode.mjs", DECODER, splat.path, tmp_path / "rest", tmp_path / "out"]
-        done = subprocess.run([*map(str, command), *map(str, frames)], capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        node("decode.mjs", splat.path, tmp_path / "rest", tmp_path / "out", *frames)
         found = np.frombuffer((tmp_path / "out").read_bytes(), "<f4").reshape(len(frames), -1)
         count = len(rest)
         return [
@@ -55,3 +66,15 @@ def test_both_decoders_agree(recorded, ways, decoded, tmp_path, way):
             carried = gradients.reshape(-1, 3, 3)[rows] @ axes * splat.reference.scales[rows][:, None, :]
             # Turns are those of the maps, without corrections of a few.
             assert np.percentile(np.abs(carried - wanted).max(axis=(1, 2)) / lengths, 90) <= 1e-3
+
+
+def test_rotations_of_any_matrix(node, tmp_path):
+    """Of what is inside out too: torn matter is."""
+    rng = np.random.default_rng(0)
+    matrices = np.concatenate([rng.normal(size=(300, 3, 3)), np.eye(3) + 0.3 * rng.normal(size=(100, 3, 3))])
+    assert (np.linalg.det(matrices) < 0).any()
+    (tmp_path / "matrices").write_bytes(matrices.astype("<f8").tobytes())
+    node("rotate.mjs", tmp_path / "matrices", tmp_path / "out")
+    found = np.frombuffer((tmp_path / "out").read_bytes(), "<f8").reshape(-1, 3, 3)
+    # Half of what the singular values differ by, or add up to, decides how far rounding is magnified.
+    np.testing.assert_allclose(found, polar_rotations(matrices), atol=1e-9)

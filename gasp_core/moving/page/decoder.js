@@ -378,17 +378,20 @@ class Level {
   }
 }
 
-/** The rotation of a matrix, row by row, into `a`: the limit of (A + A^-T) / 2 (Higham 1986, 10.1137/0907079). */
+/** The rotation of a matrix, row by row, in its place. */
 export function rotate(a) {
-  for (let turn = 0; turn < 12; turn++) {
+  const determinant = a[0] * (a[4] * a[8] - a[5] * a[7]) + a[1] * (a[5] * a[6] - a[3] * a[8]) + a[2] * (a[3] * a[7] - a[4] * a[6]);
+  if (determinant > 1e-3) iterate(a);
+  else nearest(a);
+}
+
+/** Of what is not inside out: the limit of (A + A^-T) / 2 (Higham 1986, 10.1137/0907079). */
+function iterate(a) {
+  for (let turn = 0; turn < 30; turn++) {
     const c0 = a[4] * a[8] - a[5] * a[7], c1 = a[5] * a[6] - a[3] * a[8], c2 = a[3] * a[7] - a[4] * a[6];
     const c3 = a[2] * a[7] - a[1] * a[8], c4 = a[0] * a[8] - a[2] * a[6], c5 = a[1] * a[6] - a[0] * a[7];
     const c6 = a[1] * a[5] - a[2] * a[4], c7 = a[2] * a[3] - a[0] * a[5], c8 = a[0] * a[4] - a[1] * a[3];
     const determinant = a[0] * c0 + a[1] * c1 + a[2] * c2;
-    if (!(Math.abs(determinant) > 1e-12)) {
-      for (let entry = 0; entry < 9; entry++) a[entry] = entry % 4 === 0 ? 1 : 0;
-      return;
-    }
     const share = 1 / determinant;
     const d0 = c0 * share - a[0], d4 = c4 * share - a[4], d8 = c8 * share - a[8];
     a[0] += d0 / 2, a[1] = (a[1] + c1 * share) / 2, a[2] = (a[2] + c2 * share) / 2;
@@ -397,6 +400,44 @@ export function rotate(a) {
     // It converges quadratically: what is left after a step of 1e-4 is 1e-8.
     if (Math.abs(determinant - 1) < 1e-8 && Math.abs(d0) + Math.abs(d4) + Math.abs(d8) < 1e-4) return;
   }
+}
+
+/** Of any: the quaternion that turns the axes nearest to where they are (Horn 1987, 10.1364/JOSAA.4.000629). */
+function nearest(a) {
+  const [xx, xy, xz, yx, yy, yz, zx, zy, zz] = a;
+  const k = [
+    [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+    [zy - yz, xx - yy - zz, xy + yx, zx + xz],
+    [xz - zx, xy + yx, yy - xx - zz, yz + zy],
+    [yx - xy, zx + xz, yz + zy, zz - xx - yy],
+  ];
+  const vectors = [0, 1, 2, 3].map((i) => [0, 1, 2, 3].map((j) => (i === j ? 1 : 0)));
+  // Eigenvectors by the rotations of Jacobi.
+  for (let sweep = 0; sweep < 12; sweep++) {
+    for (let p = 0; p < 3; p++) {
+      for (let q = p + 1; q < 4; q++) {
+        if (Math.abs(k[p][q]) < 1e-300) continue;
+        const theta = (k[q][q] - k[p][p]) / (2 * k[p][q]);
+        const t = (theta < 0 ? -1 : 1) / (Math.abs(theta) + Math.hypot(theta, 1));
+        const c = 1 / Math.hypot(t, 1), s = t * c;
+        for (const rows of [k, vectors]) {
+          for (let i = 0; i < 4; i++) {
+            const u = rows[i][p], v = rows[i][q];
+            rows[i][p] = c * u - s * v, rows[i][q] = s * u + c * v;
+          }
+        }
+        for (let i = 0; i < 4; i++) {
+          const u = k[p][i], v = k[q][i];
+          k[p][i] = c * u - s * v, k[q][i] = s * u + c * v;
+        }
+      }
+    }
+  }
+  const best = [0, 1, 2, 3].reduce((found, i) => (k[i][i] > k[found][found] ? i : found), 0);
+  const [w, x, y, z] = vectors.map((row) => row[best]);
+  a[0] = 1 - 2 * (y * y + z * z), a[1] = 2 * (x * y - w * z), a[2] = 2 * (x * z + w * y);
+  a[3] = 2 * (x * y + w * z), a[4] = 1 - 2 * (x * x + z * z), a[5] = 2 * (y * z - w * x);
+  a[6] = 2 * (x * z - w * y), a[7] = 2 * (y * z + w * x), a[8] = 1 - 2 * (x * x + y * y);
 }
 
 /** Cores, and cores of cores. */
