@@ -112,7 +112,7 @@ def test_numbers_that_are_none_are_told_by_inspect(gasp, workplace):
     ("target", "says"),
     [
         ("out.xyz", ["out.xyz", ".ply"]),
-        ("out.sog", ["out.sog", ".ply"]),
+        ("out.ksplat", ["out.ksplat", ".ply"]),
         ("out", ["out", ".ply"]),
         ("nofolder/out.ply", ["nofolder/out.ply", "No such file or directory", "choose a folder"]),
         ("toy.ply/out.ply", ["toy.ply/out.ply", "Not a directory"]),
