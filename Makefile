@@ -57,7 +57,7 @@ test: $(STAMP)
 	@$(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist worksteal $(ROOM_TESTS)
 else
 .PHONY: test
-test: check ## Everything that has to be true, in three quarters of an hour on two cores; ROOM=reduction: one room in 20 s
+test: check ## Everything that has to be true, in under an hour on two cores; ROOM=reduction: one room in 20 s
 	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadgroup
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 endif
