@@ -188,21 +188,23 @@ class _Source:
         splat, _ = read_sog_zip(stream.getvalue(), recording.path)
         held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
         headers, files, moving = [], [], []
-        for body, first in zip(bodies, starts):
-            header = _header(body, first)
+        for body, first, entry in zip(bodies, starts, recording.header.bodies):
+            header = _header(body, first, entry.drifts)
             rows = np.searchsorted(body.rows, order[header.first : header.last])
             carrier = body.carrier
             files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
             headers.append(header)
             moving.append(body_of(header, files[-1], held))
         rows = np.concatenate([body.rows for body in bodies])
+        extent = float(np.linalg.norm(np.ptp(reference.means[rows], axis=0)))
         return cls(
             recording=recording,
             order=order,
             members=members,
             held=held,
             origin=origin,
-            diagonal=float(np.linalg.norm(np.ptp(reference.means[rows], axis=0))),
+            # A single Gaussian has no extent but its own.
+            diagonal=extent or float(reference.scales[rows].max()),
             headers=tuple(headers),
             files=tuple(files),
             moving=tuple(moving),
@@ -225,9 +227,8 @@ def _order(recording: Recording) -> tuple[Array, list[int]]:
     return np.concatenate(parts), [starts[body.item] for body in recording.header.bodies]
 
 
-def _header(body: Body, first: int) -> BodyHeader:
+def _header(body: Body, first: int, drifts: bool) -> BodyHeader:
     # What moves by itself as well is not where points alone would take it.
-    drifts = body.drift is not None
     kind = body.carrier.kind if body.carrier.kind in KINDS and not drifts else "free"
     carried = kind != "free"
     return BodyHeader(

@@ -113,6 +113,15 @@ def test_what_stands_still_and_what_moves_by_itself(recorded, scene_of, run, bal
     assert [body.kind for body in splat.header.bodies] == ["free"]
 
 
+def test_a_single_gaussian(scene_of, run, cloud, tmp_path):
+    recording = run(scene_of(cloud(1), velocity=(1.0, 0.0, 0.0)), tmp_path / "a.gasp")
+    told = pack(recording, tmp_path / "a.sog")
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    last = len(splat) - 1
+    off = splat.gaussians(last).means - recording.gaussians(last).means
+    assert np.linalg.norm(off) <= told.allowed_error == 1e-4 * recording.reference.scales.max()
+
+
 def test_the_same_run_always_gives_the_same_bytes(recorded, tmp_path):
     recording = recorded(Reduction(mode="volume"))
     pack(recording, tmp_path / "a.sog")
