@@ -29,7 +29,7 @@ CAPTURES = {
     "plant": ("plant.splat", JELLY),
     "angel": ("statue-angel.sog", JELLY),
     "guitar": ("guitar.compressed.ply", JELLY),
-    "sand pile": ("skull.sog", Sand(density=1600, youngs_modulus=1e6, poissons_ratio=0.3)),
+    "sand pile": ("skull.sog", Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3)),
 }
 HEAD = f"{'':10} {'GAUSSIANS':>9} {'POINTS':>7} {'FRAMES':>6}  {'kB/FRAME':>8} {'ERROR':>6}  {'SPLAT MB':>8} "
 HEAD += f"{'PAGE MB':>7}  {'FIRST s':>7} {'HEAP MB':>7} {'DECODE ms':>9} {'PAINT ms':>8}  {'PSNR dB':>7}"
