@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gasp_core.cli.export_stage import export_stage, is_stage
+from gasp_core.cli.export_stage import export_stage, is_stage, readable
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.up_axes import UP_AXES
@@ -171,7 +171,6 @@ def export_frames(
         Where the folder cannot be made, no frame can be read, or a file cannot be written.
     """
     from gasp_core.io import write_splat
-    from gasp_core.recording.files import TooLargeError
 
     made_folder = not folder.exists()
     try:
@@ -181,19 +180,10 @@ def export_frames(
     paths: list[Path] = []
     damaged: list[str] = []
     try:
-        for frame in frames:
-            try:
-                gaussians = read(frame)
-            except TooLargeError:
-                raise
-            except RecordingError as error:
-                damaged.append(str(error))
-                continue
+        for frame, gaussians in readable(read, frames, damaged):
             path = folder / f"{stem}_{frame:04d}{suffix}"
             write_splat(path, gaussians)
             paths.append(path)
-        if not paths:
-            raise RecordingError(f"{damaged[0]}; no frame can be read")
     except BaseException:
         for path in paths:
             path.unlink(missing_ok=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +16,36 @@ if TYPE_CHECKING:
     from gasp_core.recording import Recording
     from gasp_core.scene.objects import UpAxis
 
-__all__ = ["export_stage", "is_stage"]
+__all__ = ["export_stage", "is_stage", "readable"]
 
 _GRAINS = "grains"
+
+
+def readable(
+    read: Callable[[int], Gaussians], frames: Iterable[int], damaged: list[str]
+) -> Generator[tuple[int, Gaussians]]:
+    """Frames that `read` can read, by their numbers; of each other one a line goes into `damaged`.
+
+    Raises
+    ------
+    RecordingError
+        Where no frame can be read, or one takes more memory than there is.
+    """
+    from gasp_core.recording.files import TooLargeError
+
+    found = False
+    for frame in frames:
+        try:
+            gaussians = read(frame)
+        except TooLargeError:
+            raise
+        except RecordingError as error:
+            damaged.append(str(error))
+            continue
+        found = True
+        yield frame, gaussians
+    if not found:
+        raise RecordingError(f"{damaged[0]}; no frame can be read")
 
 
 def is_stage(path: Path) -> bool:
@@ -46,28 +73,16 @@ def export_stage(
     """
     from gasp_core.io.usd import splat_stage
     from gasp_core.recording.drawn import DrawnFrames
-    from gasp_core.recording.files import TooLargeError
     from gasp_core.scene.placement import with_up
 
     if up not in (None, "+y", "+z"):
         raise click.UsageError(f"--up {up} is none of USD's axes: +y or +z")
     read = DrawnFrames(recording).gaussians if as_drawn else recording.gaussians
     damaged: list[str] = []
-    written = 0
     rate = recording.header.frame_rate if moves else None
     with splat_stage(path, up_axis="Y" if up == "+y" else "Z", frame_rate=rate) as stage:
-        for frame in frames:
-            try:
-                gaussians = read(frame)
-            except TooLargeError:
-                raise
-            except RecordingError as error:
-                damaged.append(str(error))
-                continue
+        for frame, gaussians in readable(read, frames, damaged):
             stage.add(frame, _by_object(recording, with_up(gaussians, up) if up == "+y" else gaussians))
-            written += 1
-        if not written:
-            raise RecordingError(f"{damaged[0]}; no frame can be read")
     return damaged
 
 

@@ -72,6 +72,7 @@ class MovingSplat:
             archive = zipfile.ZipFile(BytesIO(data))
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read: {error.strerror or error}: check the path") from error
+        # What zipfile raises of bytes that nobody vouches for; the third where they ask for a later version of it.
         except (zipfile.BadZipFile, struct.error, NotImplementedError, ValueError) as error:
             raise RecordingError(f"{path}: is no moving splat, or cut off: pack or fetch it again") from error
         if HEADER not in archive.namelist():

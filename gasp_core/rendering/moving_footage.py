@@ -34,6 +34,7 @@ def is_moving_splat(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return HEADER in archive.namelist()
+    # Nothing is hidden: it is read as an ordinary splat then, and that says what is wrong with it.
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
         return False
 

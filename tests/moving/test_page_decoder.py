@@ -20,6 +20,7 @@ def node():
     """node(script, ...) runs a script beside this file, which is given the decoder first of all."""
     program = shutil.which("node")
     if program is None:
+        # It comes with no Python package; test_page.py runs the same decoder in a browser, which CI installs.
         pytest.skip("no node here, which runs what browsers run")
 
     def run(script, *arguments):
