@@ -50,12 +50,13 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> tu
 
 def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
     from gasp_core.io.sog import ZIP_MAGIC, read_sog_folder, read_sog_zip
-    from gasp_core.io.sog_levels import is_set_of_levels, level_counts, read_level
+    from gasp_core.io.sog_levels import is_set_of_levels, read_level
     from gasp_core.io.spz import GZIP_MAGIC, SPZ_MAGIC, read_spz
 
     found = path.stat()
     if is_set_of_levels(path):
-        return read_level(path, level), f"streamed sog, level {level} of 0 to {len(level_counts(path)) - 1}"
+        gaussians, levels = read_level(path, level)
+        return gaussians, f"streamed sog, level {level} of 0 to {levels - 1}"
     if level != 0:
         raise malformed(path, f"is of one level, there is no level {level}", "leave the level out")
     mode = found.st_mode

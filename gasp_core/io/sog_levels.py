@@ -46,8 +46,8 @@ def level_counts(path: Path) -> tuple[int, ...]:
     return tuple(sum(count for chunk in level.values() for _, count in chunk) for level in runs)
 
 
-def read_level(path: Path, level: int) -> Gaussians:
-    """All Gaussians of one level, chunk by chunk.
+def read_level(path: Path, level: int) -> tuple[Gaussians, int]:
+    """All Gaussians of one level, chunk by chunk, and how many levels there are.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def read_level(path: Path, level: int) -> Gaussians:
         gaussians, _ = read_sog_folder(chunk)
         _check_runs(chunks[file], len(gaussians), names[file], path)
         found.append(gaussians)
-    return _joined(found)
+    return _joined(found), len(runs)
 
 
 def _folder(path: Path) -> Path:

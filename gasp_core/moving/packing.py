@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,11 +134,11 @@ def pack(
     else:
         with replacing(path) as target:
             target.write(stream.getvalue())
-    empty = io.BytesIO()
-    write_members(empty, {}, {block_name(k): block for k, block in enumerate(blocks)})
+    with zipfile.ZipFile(stream) as archive:
+        motion = sum(archive.getinfo(block_name(number)).compress_size for number in range(len(blocks)))
     return Packed(
         size=len(stream.getvalue()),
-        motion=len(empty.getvalue()),
+        motion=motion,
         frames=recording.frame_count,
         largest_error=largest,
         allowed_error=allowed,
