@@ -24,8 +24,9 @@ from gasp_core.processes.scratch import scratch_folder
 
 __all__ = ["HUNG_AFTER", "Outcome", "run_batch", "run_scene"]
 
-HUNG_AFTER = 120.0
-"""Wall-clock time [s] without a scene begun or ended; each takes less than a second, but for what is compiled."""
+HUNG_AFTER = 600.0
+"""Wall-clock time [s] without a scene begun or ended. Each takes less than a second, but for what is compiled before:
+large kernels take a minute, and two where others use the machine."""
 _POLL = 0.05
 """[s]"""
 

@@ -45,10 +45,6 @@ def _import_quietly() -> Any:
 
 taichi = _import_quietly()
 
-optimised = True
-"""Whether Taichi improves what it compiles before LLVM does: substeps take two thirds of the time then, and compiling
-two to six times as long. Read when Taichi is initialised."""
-
 _lock = threading.Lock()
 _open_sessions = 0
 _device: str | None = None
@@ -93,7 +89,8 @@ def _initialise(device: str) -> None:
             fast_math=device == "cpu",
             # Taichi's own data-flow pass takes longer than linear in a kernel's size, and LLVM does it again.
             cfg_optimization=False,
-            advanced_optimization=optimised,
+            # Its improvements before LLVM's are on: substeps take two thirds of the time, compiling two to six times
+            # as long. They are not named here, so that TI_ADVANCED_OPTIMIZATION=0 turns them off.
             offline_cache=True,
             log_level=taichi.ERROR,
             cpu_max_num_threads=processors(),

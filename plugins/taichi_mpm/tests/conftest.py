@@ -15,7 +15,7 @@ pytest.register_assert_rewrite("gasp_mpm_host.testing")
 
 from gasp_mpm_host.testing import Kit  # noqa: E402 - its assertions are to say what they found
 
-runtime.optimised = False
+os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
 
 
 @pytest.fixture(scope="session")
