@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Bend,
         CameraChoice,
         ContactRule,
+        DMiSoMotion,
         EngineChoice,
         Floaters,
         FrameSequence,
@@ -78,6 +79,7 @@ __all__ = [
     "Comparison",
     "ContactCondition",
     "ContactRule",
+    "DMiSoMotion",
     "Domain",
     "DomainPolicy",
     "Driven",
@@ -148,8 +150,8 @@ _HOMES = {
     "gasp_core.recording": "Recording",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
-        "Bend CameraChoice ContactRule EngineChoice Floaters FrameSequence MapChoice Part PlyProperty PythonMotion"
-        " RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Viewpoint Wave load_scene"
+        "Bend CameraChoice ContactRule DMiSoMotion EngineChoice Floaters FrameSequence MapChoice Part PlyProperty"
+        " PythonMotion RecordingChoice Reduction Scene SplatObject Swing VaryingMaterial Viewpoint Wave load_scene"
         " material_preset scene_to_toml"
     ),
     "gasp_core.simulation": "simulate",

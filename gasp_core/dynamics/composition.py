@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.dynamics.analytic import AnalyticMotion, analytic_motion
+from gasp_core.dynamics.d_miso.checkpoint import read_checkpoint
+from gasp_core.dynamics.d_miso.motion import CheckpointMotion
 from gasp_core.dynamics.frame_sequence import SequenceMotion, frame_files
 from gasp_core.dynamics.function_motion import CallableMotion
 from gasp_core.dynamics.motion import PlacedMotion, SceneMotion, velocities
 from gasp_core.errors import SceneError
 from gasp_core.games import Covariance, choose_vertices, edge_axes, invert_simplices, to_simplices
 from gasp_core.gaussians import Gaussians
-from gasp_core.scene.motions import FrameSequence, Motion, PythonMotion
+from gasp_core.scene.motions import DMiSoMotion, FrameSequence, Motion, PythonMotion
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.selection import PlacedObject, bounded_by_region, settle
 from gasp_core.scene.settings import MapChoice
@@ -189,7 +191,7 @@ def drifted(rest: Array, drift: Array) -> Array:
 def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[PlacedObject, Played]:
     """Select and place an object that moves by itself, and let it be where it is at the start.
 
-    Height, position and what is left out are those of the splat in the file; for a folder, of its first frame.
+    Height, position and what is left out are those of the splat in the file; for a folder, of its first time.
 
     Parameters
     ----------
@@ -240,6 +242,9 @@ def _motion_of(
         sequence = SequenceMotion(frame_files(item.splat), choice.frame_rate, vertices)
         own: SceneMotion = sequence
         note = sequence.note
+    elif isinstance(choice, DMiSoMotion):
+        assert isinstance(item.splat, Path)  # SplatObject refuses all else
+        own = CheckpointMotion(read_checkpoint(item.splat, choice.iteration)[0], choice.duration, vertices)
     elif isinstance(choice, PythonMotion):
         own = CallableMotion(choice, to_simplices(gaussians, vertices))
     else:

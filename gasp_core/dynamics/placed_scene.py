@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gasp_core.dynamics.composition import Played, play
+from gasp_core.dynamics.d_miso.checkpoint import read_checkpoint
 from gasp_core.dynamics.frame_sequence import frame_files
 from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
@@ -18,7 +19,7 @@ from gasp_core.io.detect import INDICES
 from gasp_core.io.digests import add_content
 from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
-from gasp_core.scene.motions import FrameSequence, PythonMotion
+from gasp_core.scene.motions import DMiSoMotion, FrameSequence, PythonMotion
 from gasp_core.scene.objects import SplatObject, columns_of
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest
@@ -78,7 +79,7 @@ def place_scene(scene: Scene) -> PlacedScene:
 
 
 def read_source(item: SplatObject) -> tuple[Gaussians, str]:
-    """The Gaussians of an object, of frames those of the first, and the digest of all that it comes from."""
+    """The Gaussians of an object, of what is trained to move those at the first time, and the digest of all of it."""
     gaussians, digest = _read_splat_and_motion(item)
     digests = [found for column in columns_of(item) if (found := column_digest(column))]
     if digests:
@@ -93,9 +94,14 @@ def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
         return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
     if isinstance(item.splat, Gaussians):
         return item.splat, gaussians_digest(item.splat)
+    digest = hashlib.sha256()
+    if isinstance(item.motion, DMiSoMotion):
+        checkpoint, files = read_checkpoint(item.splat, item.motion.iteration)
+        for file in files.all():
+            add_content(digest, file)
+        return checkpoint.at(0.0), digest.hexdigest()
     first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
     gaussians = read_splat(first)
-    digest = hashlib.sha256()
     add_content(digest, item.splat.parent if item.splat.name in INDICES else item.splat)
     return gaussians, digest.hexdigest()
 

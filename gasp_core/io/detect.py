@@ -22,6 +22,10 @@ INDICES = ("meta.json", "lod-meta.json")
 """Files that name others beside and below them."""
 
 _FOLDER = 'name a file, or the folder of one splat (a folder of frames wants motion = { kind = "frames" } in a scene)'
+_TRAINING = (
+    "name the point_cloud.ply of an iteration in it; what D-MiSo has trained to move"
+    ' wants motion = { kind = "d-miso" } in a scene'
+)
 _LFS = b"version https://git-lfs"
 _ANNEX = b"/annex/objects/"
 
@@ -61,6 +65,8 @@ def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
         raise malformed(path, f"is of one level, there is no level {level}", "leave the level out")
     mode = found.st_mode
     if stat.S_ISDIR(mode):
+        if (path / "point_cloud").is_dir():
+            raise malformed(path, "is a folder of training, so no splat", _TRAINING)
         if not (path / "meta.json").is_file():
             raise malformed(path, "is a folder without meta.json or lod-meta.json, so no SOG", _FOLDER)
         gaussians, version = read_sog_folder(path)

@@ -6,7 +6,7 @@ from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.columns import PlyProperty
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
-from gasp_core.scene.motions import Bend, FrameSequence, Motion, PythonMotion, Swing, Wave
+from gasp_core.scene.motions import Bend, DMiSoMotion, FrameSequence, Motion, PythonMotion, Swing, Wave
 from gasp_core.scene.objects import Floaters, Reduction, SplatObject
 from gasp_core.scene.parts import Part
 from gasp_core.scene.preset_table import MaterialPreset
@@ -19,6 +19,7 @@ __all__ = [
     "Bend",
     "CameraChoice",
     "ContactRule",
+    "DMiSoMotion",
     "EngineChoice",
     "Floaters",
     "FrameSequence",

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 from gasp_core.contract.validation import Vector, finite, finite_vector, positive, unit_vector
 from gasp_core.errors import SceneError
 
-__all__ = ["MOTIONS", "Bend", "FrameSequence", "Motion", "PythonMotion", "Swing", "Wave"]
+__all__ = ["MOTIONS", "Bend", "DMiSoMotion", "FrameSequence", "Motion", "PythonMotion", "Swing", "Wave"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +73,30 @@ class FrameSequence(Motion):
     def __post_init__(self) -> None:
         Motion.__post_init__(self)
         positive(self, "frame_rate")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DMiSoMotion(Motion):
+    """The object's splat is the folder of a trained D-MiSo (Waczynska et al., 2024), whose networks move its Gaussians.
+
+    Parameters
+    ----------
+    duration
+        Scene time [s] from the first to the last picture that it was trained on, its times 0 and 1.
+    iteration
+        Which one of those that training kept: "best" or a number. None: the best, where it was kept, else the last.
+    """
+
+    kind: ClassVar[str] = "d-miso"
+    duration: float = 1.0
+    iteration: str | None = None
+
+    def __post_init__(self) -> None:
+        Motion.__post_init__(self)
+        positive(self, "duration")
+        iteration: Any = self.iteration
+        if iteration is not None and not (iteration == "best" or (type(iteration) is str and iteration.isdecimal())):
+            raise SceneError(f'DMiSoMotion.iteration must be "best" or a number in quotes, found {iteration!r}')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,5 +232,7 @@ class Wave(Motion):
         finite(self, "phase")
 
 
-MOTIONS: dict[str, type[Motion]] = {motion.kind: motion for motion in (FrameSequence, PythonMotion, Bend, Swing, Wave)}
+MOTIONS: dict[str, type[Motion]] = {
+    motion.kind: motion for motion in (FrameSequence, DMiSoMotion, PythonMotion, Bend, Swing, Wave)
+}
 """Motions by the name that scene files give them."""

@@ -14,7 +14,7 @@ from gasp_core.contract.validation import Vector, finite, finite_vector
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.columns import Column
-from gasp_core.scene.motions import FrameSequence, Motion
+from gasp_core.scene.motions import DMiSoMotion, FrameSequence, Motion
 from gasp_core.scene.parts import Part, material_of_part
 from gasp_core.scene.varying import VaryingMaterial, law_of
 from gasp_core.solid.options import SolidOptions
@@ -126,7 +126,7 @@ class SplatObject:
     name
         Unique in the scene.
     splat
-        A splat file (or folder, for unpacked .sog, or of frames), or the Gaussians themselves.
+        A splat file (or folder, for unpacked .sog, of frames, or of a trained D-MiSo), or the Gaussians themselves.
     material
         What it is made of; None only with `static`.
     parts
@@ -283,6 +283,8 @@ def _check_motion(owner: SplatObject, motion: Motion) -> None:
         raise SceneError(f"{where} has no meaning with static: leave one of them out")
     if isinstance(motion, FrameSequence) and isinstance(owner.splat, Gaussians):
         raise SceneError(f"{where} wants a folder of frames for a splat, found Gaussians in memory")
+    if isinstance(motion, DMiSoMotion) and isinstance(owner.splat, Gaussians):
+        raise SceneError(f"{where} wants the folder of a trained D-MiSo for a splat, found Gaussians in memory")
     if motion.composition == "carried" and (owner.region is not None or owner.floaters is Floaters.STILL):
         key = "region" if owner.region is not None else 'floaters = "still"'
         raise SceneError(

@@ -28,7 +28,7 @@ from gasp_core.contract import (
 from gasp_core.engines.worker.session import Limits
 from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.file_shapes import MeshShape, SplatShape
-from gasp_core.scene.motions import MOTIONS, FrameSequence, PythonMotion
+from gasp_core.scene.motions import MOTIONS, DMiSoMotion, FrameSequence, PythonMotion
 from gasp_core.scene.objects import UP_AXES, Reduction
 from gasp_core.scene.parts import Part
 from gasp_core.scene.schema import SCHEMA
@@ -178,6 +178,7 @@ KEY_TABLES = {
     "reduction": ("`[[object]]`", "fraction", contents(Reduction, without=frozenset({"mode", "points"}))),
     "part": ("`[[object.part]]`", "name", contents(Part)),
     "motion": ("`[object.motion]`", "kind", contents(FrameSequence, without=frozenset({"frame_rate"}), besides=KIND)),
+    "d-miso": ("`[object.motion]`", "duration", contents(DMiSoMotion, without=OF_MOTIONS)),
     "python": ("`[object.motion]`", "span", contents(PythonMotion, without=OF_MOTIONS | {"function"})),
     "contact": ("`[[contact]]`", "between", contents(ContactRule)),
     "collider": ("`[[collider]]`", "shape", contents(Collider)),
