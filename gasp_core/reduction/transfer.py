@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -37,7 +38,7 @@ _FLAT_CORE = 1e-15
 _ROWS_AT_ONCE = 2**16
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Cores:
     """Simplices that stand for what is around them: tetrahedra for clusters, or those of the Gaussians themselves.
 
@@ -63,23 +64,29 @@ class Cores:
         offsets = self.points - self.centres[:, None]
         return np.einsum("cvi,cvj->cij", offsets, offsets) / self.points.shape[1]
 
-    def turned(self, displacements: Array) -> Array:
-        """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, V, 3) [m].
-
-        R is the polar rotation of the deformation gradient; that of a flat core takes its normal to the normal it has
-        now. 1 where a core is a line or a point.
-        """
-        offsets = self.points - self.centres[:, None]
-        products = np.einsum("cvi,cvj->cij", displacements, offsets) / self.points.shape[1]
+    @cached_property
+    def _at_rest(self) -> tuple[Array, Array, Array]:
+        """Of the moments: inverses (C, 3, 3), as far as a core extends, principal axes, and which are flat."""
         values, axes = np.linalg.eigh(self.moments)
         flat = values[:, 1] > _FLAT_CORE * values[:, 2]
         # Rounding may give a triangle a volume.
         whole = flat & (values[:, 0] > _FLAT_CORE * values[:, 2]) & (self.points.shape[1] > 3)
         known = np.stack([whole, flat, flat], axis=1)
         inverses = np.where(known, 1 / np.where(known, values, 1.0), 0.0)
-        gradients = products @ ((axes * inverses[:, None]) @ axes.transpose(0, 2, 1))
-        _add_normals(gradients, axes, np.flatnonzero(flat & ~whole))
-        one = np.broadcast_to(np.eye(3), gradients.shape)
+        return (axes * inverses[:, None]) @ axes.transpose(0, 2, 1), axes, flat & ~whole
+
+    def turned(self, displacements: Array, rows: Array | slice = slice(None)) -> Array:
+        """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, V, 3) [m]; of some rows.
+
+        R is the polar rotation of the deformation gradient; that of a flat core takes its normal to the normal it has
+        now. 1 where a core is a line or a point.
+        """
+        offsets = self.points[rows] - self.centres[rows, None]
+        products = np.einsum("cvi,cvj->cij", displacements[rows], offsets) / self.points.shape[1]
+        inverses, axes, flat = (known[rows] for known in self._at_rest)
+        gradients = products @ inverses
+        _add_normals(gradients, axes, np.flatnonzero(flat))
+        one = np.eye(3)[None]
         # The polar rotation of 1 is subtracted, not 1: at displacement zero the difference is zero to the last bit.
         return polar_rotations(one + gradients) - polar_rotations(one)
 
@@ -138,7 +145,7 @@ class OneFrame:
     def carry(self, cores: Cores, rest: Array, displacements: Array) -> Array:
         """See `Transfer`."""
         out = np.empty_like(rest)
-        _carry_rigidly(cores, rest, displacements, self.labels, np.arange(len(rest)), out)
+        _carry_rigidly(cores, rest, displacements, self.labels, None, out)
         return out
 
     def arrays(self) -> Mapping[str, Array]:
@@ -283,10 +290,13 @@ def _moments(centres: Array, own: Array, neighbours: Array, weights: Array) -> A
     return between + np.einsum("nk,nkij->nij", weights, own[neighbours])
 
 
-def _carry_rigidly(cores: Cores, rest: Array, displacements: Array, labels: Array, rows: Array, out: Array) -> None:
-    """out[rows], simplices that move with the frame of their core."""
+def _carry_rigidly(
+    cores: Cores, rest: Array, displacements: Array, labels: Array, rows: Array | None, out: Array
+) -> None:
+    """out[rows], simplices that move with the frame of their core; None: all of them."""
     table = np.empty((len(cores), 15))
     table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
-    used = np.unique(labels[rows])
-    table[used, 6:] = Cores(points=cores.points[used]).turned(displacements[used]).reshape(-1, 9)
+    used = slice(None) if rows is None else np.unique(labels[rows])
+    table[used, 6:] = cores.turned(displacements, used).reshape(-1, 9)
+    rows = np.arange(len(rest)) if rows is None else rows
     kernels.carry_rigidly(rest, table, labels, rows, out, linalg3.chunk_count(len(rows)))
