@@ -7,7 +7,7 @@ the engine and T^-1, in one form for each inverse. alpha = inf switches it off.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,19 @@ from gasp_core.errors import SceneError
 from gasp_core.games import Covariance, deformation_gradients, to_simplices
 from gasp_core.gaussians import Gaussians
 
-__all__ = ["control", "limit_edges", "limit_stretches"]
+__all__ = ["ControlRule", "control", "limit_as_printed", "limit_edges", "limit_stretches"]
 
 Array = NDArray[Any]
+ControlRule = Literal["bounded", "as_printed"]
 
 
 def control(
-    simplices: Array, reference: Gaussians, alpha: float, covariance: Covariance, before: Array | None = None
+    simplices: Array,
+    reference: Gaussians,
+    alpha: float,
+    covariance: Covariance,
+    before: Array | None = None,
+    rule: ControlRule = "bounded",
 ) -> tuple[Array, Array]:
     """The rule that belongs to an inverse: `limit_stretches` for "exact", `limit_edges` for "gram_schmidt".
 
@@ -40,6 +46,8 @@ def control(
     before : (N, 3 | 4, 3)
         The simplices that the engine moved, where they are not those at rest: the rule bounds what physics did to
         them, and lets pass what they did by themselves.
+    rule
+        "as_printed", only for "gram_schmidt": `limit_as_printed`.
 
     Returns
     -------
@@ -49,14 +57,15 @@ def control(
     Raises
     ------
     SceneError
-        Where alpha is not > 0.
+        Where alpha is not > 0, or there is no such rule for the inverse.
     """
     if not alpha > 0:
         raise SceneError(f"alpha must be > 0 (inf: no control), found {alpha!r}")
     if math.isinf(alpha):
         return simplices, np.zeros(len(simplices), dtype=bool)
-    rule = limit_stretches if covariance == "exact" else limit_edges
-    return rule(simplices, reference, alpha, before)
+    if (covariance, rule) not in _RULES:
+        raise SceneError(f'control = "{rule}" belongs to covariance = "gram_schmidt", not to "{covariance}"')
+    return _RULES[covariance, rule](simplices, reference, alpha, before)
 
 
 def limit_edges(
@@ -114,6 +123,42 @@ def limit_edges(
     return limited, clipped
 
 
+def limit_as_printed(
+    simplices: Array, reference: Gaussians, alpha: float, before: Array | None = None
+) -> tuple[Array, Array]:
+    """The paper's rule to the letter: s_i := alpha s_i(0) where |e_i| > alpha |e_i(0)|; for `gram_schmidt`.
+
+    What is compared is the edge, what is set is its part across the first. A triangle whose third edge is long because
+    it leans is given a height that it never had: benchmarks/control_rules.py counts how often. Here for comparison.
+    Parameters and results as in `limit_edges`.
+    """
+    rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3) if before is None else before
+    bound = alpha * np.linalg.norm(rest[:, 1:] - rest[:, :1], axis=2)
+    edges = simplices[:, 1:] - simplices[:, :1]
+    first, second = edges[:, -2], edges[:, -1]
+    unit = _unit(first)
+    along = np.einsum("ni,ni->n", second, unit)[:, None] * unit
+    across = _unit(second - along)
+    # A hair of tolerance, or rounding at rest would count as clipping with alpha = 1.
+    long = np.linalg.norm(edges, axis=2) > bound * (1 + 1e-12)
+    limited = np.array(simplices, dtype=np.float64)
+    set_to = {-2: unit * bound[:, -2, None], -1: along + across * bound[:, -1, None]}
+    if simplices.shape[1] == 4:
+        normal = np.cross(unit, across)
+        depth = np.einsum("ni,ni->n", edges[:, 0], normal)
+        set_to[-3] = edges[:, 0] + (np.copysign(bound[:, 0], depth) - depth)[:, None] * normal
+    for edge, wanted in set_to.items():
+        rows = np.flatnonzero(long[:, edge])
+        limited[rows, edge] = limited[rows, 0] + wanted[rows]
+    return limited, long.any(axis=1)
+
+
+def _unit(vectors: Array) -> Array:
+    """Vectors (N, 3) of length one, or zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0, lengths, 1.0)
+
+
 def limit_stretches(
     simplices: Array, reference: Gaussians, alpha: float, before: Array | None = None
 ) -> tuple[Array, Array]:
@@ -145,3 +190,10 @@ def _inverses(matrices: Array) -> Array:
     sizes = np.prod([np.linalg.norm(column, axis=1) for column in (first, second, third)], axis=0)
     usable = np.abs(determinants) > 1e-12 * sizes
     return np.where(usable, 1 / np.where(usable, determinants, 1.0), 0.0)[:, None, None] * rows
+
+
+_RULES = {
+    ("exact", "bounded"): limit_stretches,
+    ("gram_schmidt", "bounded"): limit_edges,
+    ("gram_schmidt", "as_printed"): limit_as_printed,
+}

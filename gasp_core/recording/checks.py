@@ -49,6 +49,11 @@ def check_header(header: Header) -> None:
     names = (header.gasp_version, header.scene_digest, header.points_digest)
     _expect(all(_name(text) for text in names), "a name is none")
     _expect(header.maps.get("covariance") in ("exact", "gram_schmidt"), "covariance is no map")
+    rule = header.maps.get("control", "bounded")
+    _expect(
+        rule == "bounded" or (rule == "as_printed" and header.maps["covariance"] == "gram_schmidt"),
+        "control is no rule",
+    )
     alpha = header.maps.get("alpha")
     _expect(alpha is None or (_number(alpha) and alpha > 0), "alpha is no bound")
     last = 0

@@ -154,7 +154,12 @@ class Recording(ShownInNotebooks):
     def _maps(self) -> MapChoice:
         """What of the scene's maps it takes to read a frame."""
         alpha = self.header.maps["alpha"]
-        return MapChoice(covariance=self.header.maps["covariance"], alpha=math.inf if alpha is None else alpha)
+        return MapChoice(
+            covariance=self.header.maps["covariance"],
+            alpha=math.inf if alpha is None else alpha,
+            # Recordings of before 0.2.0 have none.
+            control=self.header.maps.get("control", "bounded"),
+        )
 
     @property
     def engine(self) -> EngineRecord:

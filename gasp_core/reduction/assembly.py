@@ -357,7 +357,7 @@ def shapes(
 
     `before` are those that physics moved where they are not those at rest.
     """
-    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance, before)
+    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance, before, maps.control)
     # Constant colour has nothing to turn: T^-1 is then about shapes alone.
     plain = reference.with_(harmonics=reference.harmonics[:, :1])
     inverted = invert_simplices(simplices, reference=plain, covariance=maps.covariance, previous=previous)

@@ -79,6 +79,9 @@ class MapChoice:
         "exact" (the covariance of the affinely deformed Gaussian) or "gram_schmidt" (the paper's).
     alpha
         Bound of the control rule on how far a Gaussian may stretch, > 0; inf switches it off.
+    control
+        "bounded": nothing grows beyond alpha times what it was. "as_printed", only with "gram_schmidt": the paper's
+        rule to the letter, which makes some sheared triangles larger; to compare with.
     edge_floor
         Shortest edge an engine is given, as a fraction of its spacing; shorter ones are magnified on the way in and
         divided back. 0: the paper's own points.
@@ -88,12 +91,17 @@ class MapChoice:
     covariance: Literal["exact", "gram_schmidt"] = "exact"
     alpha: float = 2.0
     edge_floor: float = 0.25
+    control: Literal["bounded", "as_printed"] = "bounded"
 
     def __post_init__(self) -> None:
         if self.vertices not in (3, 4, "auto"):
             raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}')
         if self.covariance not in ("exact", "gram_schmidt"):
             raise SceneError(f'MapChoice.covariance must be "exact" or "gram_schmidt", found {self.covariance!r}')
+        if self.control not in ("bounded", "as_printed"):
+            raise SceneError(f'MapChoice.control must be "bounded" or "as_printed", found {self.control!r}')
+        if self.control == "as_printed" and self.covariance == "exact":
+            raise SceneError('MapChoice.control = "as_printed" belongs to covariance = "gram_schmidt": say both')
         if self.alpha != math.inf:
             finite(self, "alpha", low=0.0, open_low=True)
         finite(self, "edge_floor", low=0.0)

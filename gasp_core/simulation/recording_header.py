@@ -74,6 +74,7 @@ def header_of(
         maps={
             "covariance": scene.maps.covariance,
             "alpha": scene.maps.alpha if math.isfinite(scene.maps.alpha) else None,
+            "control": scene.maps.control,
         },
         objects=tuple(
             ObjectEntry(

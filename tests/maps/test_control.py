@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gasp_core import games
+from gasp_core import MapChoice, games
 from gasp_core.control import control, limit_edges, limit_stretches
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
@@ -68,3 +68,39 @@ def test_impossible_alpha(alpha):
     gaussians = some_gaussians(2)
     with pytest.raises(SceneError, match="alpha"):
         control(games.to_simplices(gaussians, 4), gaussians, alpha, "exact")
+
+
+def heights(simplices):
+    first, second = simplices[:, -2] - simplices[:, 0], simplices[:, -1] - simplices[:, 0]
+    return np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1)
+
+
+@pytest.mark.parametrize("vertices", [3, 4])
+def test_the_paper_s_rule_as_printed(vertices):
+    """s_i := alpha s_i(0) where |e_i| > alpha |e_i(0)|, whatever s_i is: sheared triangles grow by it."""
+    gaussians = some_gaussians(flat=vertices == 3)
+    affine = np.array([[1, 1, 0], [0, 0.6, 0.3], [0.5, 0, 1.4]])
+    rest = games.to_simplices(gaussians, vertices)
+    moved = rest @ affine.T
+    free = games.from_simplices(moved, reference=gaussians, covariance="gram_schmidt").scales
+    limited, clipped = control(moved, gaussians, 1.2, "gram_schmidt", rule="as_printed")
+    held = games.from_simplices(limited, reference=gaussians, covariance="gram_schmidt").scales
+    lengths, lengths_at_rest = (np.linalg.norm(s[:, 1:] - s[:, :1], axis=2) for s in (moved, rest))
+    long = lengths > 1.2 * lengths_at_rest
+    axes = games.edge_axes(gaussians.scales, vertices)
+    np.testing.assert_array_equal(clipped, long.any(axis=1))
+    expected = np.where(
+        long, 1.2 * np.take_along_axis(gaussians.scales, axes, axis=1), np.take_along_axis(free, axes, axis=1)
+    )
+    np.testing.assert_allclose(np.take_along_axis(held, axes, axis=1), expected, rtol=1e-9, atol=1e-12)
+    grown = heights(limited)[long[:, -1]] > heights(moved)[long[:, -1]] * (1 + 1e-9)
+    assert 0.1 < grown.mean() < 0.9
+    np.testing.assert_array_equal(control(rest, gaussians, 1.0, "gram_schmidt", rule="as_printed")[0], rest)
+
+
+def test_a_rule_belongs_to_an_inverse():
+    gaussians = some_gaussians(2)
+    with pytest.raises(SceneError, match=r"as_printed.*belongs to covariance"):
+        control(games.to_simplices(gaussians, 4), gaussians, 2.0, "exact", rule="as_printed")
+    with pytest.raises(SceneError, match="say both"):
+        MapChoice(control="as_printed")
