@@ -129,7 +129,7 @@ class Header:
     spacing
         Of the engine's grid [m].
     maps
-        `covariance`, `alpha` and `control` of the scene's `MapChoice`; an alpha of None: no bound, no control: bounded.
+        As `gasp_core.recording.map_record` keeps them.
     objects, bodies
         What the rows are.
     notes

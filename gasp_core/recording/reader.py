@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -22,6 +21,7 @@ from gasp_core.recording.commits import Commits, numbered, too_many_lost
 from gasp_core.recording.files import UnreadableError, short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
+from gasp_core.recording.map_record import recorded_maps
 from gasp_core.recording.nodes import read_attributes
 from gasp_core.recording.opening import read_header
 from gasp_core.recording.store import Store
@@ -153,13 +153,7 @@ class Recording(ShownInNotebooks):
     @cached_property
     def _maps(self) -> MapChoice:
         """What of the scene's maps it takes to read a frame."""
-        alpha = self.header.maps["alpha"]
-        return MapChoice(
-            covariance=self.header.maps["covariance"],
-            alpha=math.inf if alpha is None else alpha,
-            # Recordings of before 0.2.0 have none.
-            control=self.header.maps.get("control", "bounded"),
-        )
+        return recorded_maps(self.header.maps)
 
     @property
     def engine(self) -> EngineRecord:

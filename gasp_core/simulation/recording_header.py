@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from gasp_core.contract.options import chosen_options
 from gasp_core.games import FLATNESS, flatten
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
+from gasp_core.recording.map_record import map_record
 from gasp_core.reduction.assembly import Body
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.file_shapes import known_by_content
@@ -71,11 +71,7 @@ def header_of(
         points_digest=hashlib.sha256(assembly.problem.points.reference_positions.tobytes()).hexdigest(),
         frame_rate=scene.frame_rate,
         spacing=assembly.spacing,
-        maps={
-            "covariance": scene.maps.covariance,
-            "alpha": scene.maps.alpha if math.isfinite(scene.maps.alpha) else None,
-            "control": scene.maps.control,
-        },
+        maps=map_record(scene.maps),
         objects=tuple(
             ObjectEntry(
                 name=placed.item.name,

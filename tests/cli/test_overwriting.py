@@ -65,4 +65,5 @@ def test_a_run_that_goes_on_goes_on_with_its_film(gasp, workplace):
 def test_every_command_that_writes_has_the_option():
     for name in BUILT_IN.keys() - WRITES_NOTHING - HAS_A_FOLDER_OF_ITS_OWN:
         command = gasp.get_command(None, name)
-        assert any("--overwrite" in option.opts for option in command.params), name
+        for each in getattr(command, "commands", {name: command}).values():
+            assert any("--overwrite" in option.opts for option in each.params), name

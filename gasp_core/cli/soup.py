@@ -1,0 +1,134 @@
+"""``gasp soup``: a splat's triangles for other programs to move, and the splats that they have become."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+
+from gasp_core.cli.export import SUFFIXES
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.up_axes import UP_AXES
+
+__all__ = ["soup"]
+
+
+@click.group(
+    epilog="""\b
+Examples:
+  gasp soup export plant.ply                              plant.soup.ply
+  blender --background --python examples/blender_soup.py -- plant.soup.ply moved.npy
+  gasp soup import plant.ply plant.soup.ply moved.npy     plant_moved/moved_0000.ply ...
+  gasp soup import plant.ply plant.soup.ply moved.ply -o still.ply
+"""
+)
+def soup() -> None:
+    """Lend a splat's triangles to other programs, and take it back.
+
+    Each Gaussian is a triangle, or a tetrahedron where it is not flat. Whatever moves their vertices, by hand or by a
+    script, moves the splat.
+    """
+
+
+@soup.command(
+    "export",
+    epilog="""\b
+The soup is a binary .ply in float32: vertices x y z, with the numbers of their
+Gaussian and of their corner, and triangles. It lies with +z up about the
+splat's middle, in the splat's unit.
+""",
+)
+@click.argument("splat", type=click.Path(path_type=Path))
+@click.option("--out", "-o", metavar="FILE", type=click.Path(path_type=Path), help="[default: SPLAT.soup.ply]")
+@click.option(
+    "--vertices",
+    type=click.Choice(["auto", "3", "4"]),
+    default="auto",
+    show_default=True,
+    help="Of each Gaussian; auto: 4 where they are not flat.",
+)
+@click.option(
+    "--shortest-edge",
+    metavar="SHARE",
+    type=click.FloatRange(min=0),
+    default=1e-3,
+    show_default=True,
+    help="Of the splat's longest side: shorter edges are lengthened to it, and shortened again when they come back.",
+)
+@click.option(
+    "--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The splat's axis that points up."
+)
+@overwrite_option("a soup")
+def export_soup(splat: Path, out: Path | None, vertices: str, shortest_edge: float, up: Any, overwrite: bool) -> None:
+    """Write the triangles of SPLAT."""
+    from gasp_core.io import read_splat
+    from gasp_core.io.atomic import replacing
+    from gasp_core.io.soups import make_soup, write_soup
+    from gasp_core.scene.placement import upright
+
+    path = out if out is not None else Path(f"{splat.stem}.soup.ply")
+    keep_what_is_there([path], overwrite)
+    wanted: dict[str, Literal[3, 4, "auto"]] = {"auto": "auto", "3": 3, "4": 4}
+    gaussians = read_splat(splat)
+    found = make_soup(gaussians, vertices=wanted[vertices], shortest_edge=shortest_edge, turn=upright(up))
+    with replacing(path) as stream:
+        write_soup(stream, found)
+    click.echo(f"{path}: {len(gaussians):,} Gaussians of {found.vertices} vertices")
+
+
+@soup.command(
+    "import",
+    epilog="""\b
+MOVED is a .ply, or a .npy of NumPy, (vertices, 3) or (frames, vertices, 3), in
+the order of the soup. What has not moved comes back to the last bit. A folder
+of frames is played by motion = { kind = "frames" } in a scene, seen with
+"gasp view", and packed.
+""",
+)
+@click.argument("splat", type=click.Path(path_type=Path))
+@click.argument("exported", metavar="SOUP", type=click.Path(path_type=Path))
+@click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    "-o",
+    metavar="PATH",
+    type=click.Path(path_type=Path),
+    help="The file for one frame, the folder for more. [default: SPLAT_moved.ply, SPLAT_moved]",
+)
+@click.option(
+    "--format", "suffix", type=click.Choice([name for name in SUFFIXES if name != "usd"]), help="[default: ply]"
+)
+@overwrite_option("files")
+def import_soup(
+    splat: Path, exported: Path, moved: tuple[Path, ...], out: Path | None, suffix: str | None, overwrite: bool
+) -> None:
+    """Write what SPLAT has become, whose soup, as it was exported, is SOUP, and was moved to MOVED."""
+    from gasp_core.io import read_splat, write_splat
+    from gasp_core.io.soups import read_positions, read_soup, splat_of
+    from gasp_core.progress import counting
+
+    gaussians, known = read_splat(splat), read_soup(exported)
+    positions = {path: read_positions(path, known) for path in moved}
+    ending = SUFFIXES[suffix or "ply"]
+    names = [
+        path.stem if len(each) == 1 else f"{path.stem}_{k:04d}"
+        for path, each in positions.items()
+        for k in range(len(each))
+    ]
+    if len(names) == 1 and (out is None or out.suffix):
+        paths = [out if out is not None else Path(f"{splat.stem}_moved{ending}")]
+    else:
+        folder = out if out is not None else Path(f"{splat.stem}_moved")
+        paths = [folder / f"{name}{ending}" for name in names]
+    if len(set(paths)) < len(names) or len(positions) < len(moved):
+        raise click.UsageError("two of MOVED have one name: their frames would have too")
+    keep_what_is_there(paths, overwrite)
+    frames = (each[k] for each in positions.values() for k in range(len(each)))
+    with counting(None, "frames", len(paths)) as done:
+        for path, frame in zip(paths, frames):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_splat(path, splat_of(known, gaussians, frame))
+            done()
+    first, last = paths[0], paths[-1]
+    click.echo(f"{first.parent}: {len(paths)} files, {first.name} to {last.name}" if len(paths) > 1 else str(first))

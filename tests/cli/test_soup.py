@@ -1,0 +1,57 @@
+"""``gasp soup``, as it is run."""
+
+import numpy as np
+import pytest
+
+from gasp_core.cli.main import main
+from gasp_core.io import read_splat, write_splat
+from gasp_core.toy import make_toy
+
+
+@pytest.fixture
+def splat(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_splat(tmp_path / "toy.ply", make_toy(64))
+    return tmp_path
+
+
+def test_there_and_back(splat, capsys):
+    assert main(["soup", "export", "toy.ply", "--up", "+z"]) == 0
+    assert capsys.readouterr().out == "toy.soup.ply: 64 Gaussians of 4 vertices\n"
+    assert main(["soup", "import", "toy.ply", "toy.soup.ply", "toy.soup.ply"]) == 0
+    assert capsys.readouterr().out == "toy_moved.ply\n"
+    assert np.array_equal(read_splat("toy_moved.ply").means, read_splat("toy.ply").means)
+
+
+def test_frames_of_a_script(splat, capsys):
+    assert main(["soup", "export", "toy.ply", "--vertices", "3", "-o", "a.ply"]) == 0
+    vertices = 3 * 64
+    frames = np.zeros((3, vertices, 3), np.float32)
+    np.save("flat.npy", frames)
+    capsys.readouterr()
+    assert main(["soup", "import", "toy.ply", "a.ply", "flat.npy", "--format", "splat"]) == 0
+    assert capsys.readouterr().out == "toy_moved: 3 files, flat_0000.splat to flat_0002.splat\n"
+    assert len(read_splat("toy_moved/flat_0001.splat")) == 64
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["export", "nowhere.ply"], "nowhere.ply"),
+        (["export", "toy.ply", "-o", "toy.ply"], "is there already"),
+        (["import", "toy.ply", "toy.ply", "toy.ply"], "is no soup as gasp wrote it"),
+        (["import", "other.ply", "a.ply", "a.ply"], "is that of another splat"),
+        (["import", "toy.ply", "a.ply", "a.ply", "a.ply"], "two of MOVED have one name"),
+        (["import", "toy.ply", "a.ply", "a.ply", "-o", "toy.ply"], "is there already"),
+        (["import", "toy.ply", "a.ply"], "Missing argument"),
+    ],
+)
+def test_refuses(splat, capsys, arguments, said):
+    write_splat("other.ply", make_toy(64, seed=1))
+    assert main(["soup", "export", "toy.ply", "-o", "a.ply"]) == 0
+    before = {path.name: path.read_bytes() for path in splat.iterdir()}
+    capsys.readouterr()
+    assert main(["soup", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and said in error
+    assert {path.name: path.read_bytes() for path in splat.iterdir()} == before
