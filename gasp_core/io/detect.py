@@ -98,6 +98,8 @@ def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
         from gasp_core.io.dot_splat import read_dot_splat
 
         return read_dot_splat(data, path), "splat"
+    if path.suffix.lower() in (".obj", ".glb", ".stl"):
+        raise malformed(path, "is no splat", "of a mesh `gasp convert` makes one")
     if path.suffix.lower() in (".ply", ".spz", ".sog"):
         raise malformed(path, f"does not begin as a {path.suffix.lower()} does")
     raise malformed(

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.format_errors import shown
 
-__all__ = ["MESH_SUFFIXES", "TriangleMesh", "read_mesh"]
+__all__ = ["LONGEST", "MESH_SUFFIXES", "MOST_FACES", "TriangleMesh", "read_mesh"]
 
 Array = NDArray[Any]
 
 MESH_SUFFIXES = (".obj", ".glb", ".stl", ".ply")
-_LONGEST = 1 << 30
-_MOST_FACES = 20_000_000
+LONGEST = 1 << 30
+MOST_FACES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ def read_mesh(path: Path) -> TriangleMesh:
     try:
         if path.exists() and not path.is_file():
             raise SplatFormatError(f"{name}: is no ordinary file")
-        if path.stat().st_size > _LONGEST:
+        if path.stat().st_size > LONGEST:
             raise SplatFormatError(f"{name}: is longer than 1 GiB: decimate the mesh")
         with path.open("rb") as stream:
             scene = loading.load_scene(stream, file_type=suffix[1:], process=False, skip_materials=True)
@@ -78,8 +78,8 @@ def read_mesh(path: Path) -> TriangleMesh:
         raise SplatFormatError(
             f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {shown(str(error))[:100]})"
         ) from None
-    if len(faces) > _MOST_FACES:
-        raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {_MOST_FACES:,} at most")
+    if len(faces) > MOST_FACES:
+        raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {MOST_FACES:,} at most")
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise SplatFormatError(f"{name}: its triangles name vertices that are not there: the file is damaged")
     corners = vertices[faces]

@@ -15,7 +15,7 @@ from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternio
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.scene.objects import SplatObject, UpAxis
 
-__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "up_axis", "upright", "with_up"]
+__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "turned", "up_axis", "upright", "with_up"]
 
 Array = NDArray[Any]
 
@@ -61,7 +61,13 @@ def upright(up: UpAxis) -> Array:
 
 def with_up(gaussians: Gaussians, up: UpAxis) -> Gaussians:
     """Gaussians whose +z is up, turned so that `up` is; put into a scene that says so they stand as they did."""
-    return place(gaussians, Placement(rotation=upright(up).T, scale=1.0, translation=np.zeros(3)))
+    return turned(gaussians, "+z", up)
+
+
+def turned(gaussians: Gaussians, up: UpAxis, wanted: UpAxis) -> Gaussians:
+    """Gaussians whose axis `up` is up, turned so that `wanted` is."""
+    rotation = upright(wanted).T @ upright(up)
+    return place(gaussians, Placement(rotation=rotation, scale=1.0, translation=np.zeros(3)))
 
 
 def robust_box(positions: Array) -> tuple[Array, Array]:
