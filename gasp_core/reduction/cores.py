@@ -1,6 +1,6 @@
 """The reduction `cores`: few Gaussians stand for many (GASP, section 3.3: Core-Gaussians).
 
-BIRCH clusters the Gaussians of a body. A core is the moment-matched simplex of its cluster: a tetrahedron whose four
+The Gaussians of a body are clustered. A core is the moment-matched simplex of its cluster: a tetrahedron whose four
 corners, of equal mass, have the cluster's mass, mean and covariance. The corners are the engine's points; what it does
 to them moves the rest. (The simplex T of the matched Gaussian would lie on one side of the mean, and take the centre of
 mass along.) Several levels: cores of cores; the motion comes down level by level.
