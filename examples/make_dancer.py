@@ -1,6 +1,6 @@
 """Train a D-MiSo of a bear that dances, in seconds, and write it as training writes one.
 
-    python examples/make_dancer.py [FOLDER]
+    python examples/make_dancer.py
 
 The bear is the toy of `gasp demo`. Its motion is known: it sways and turns, more the higher up, as `dance` says. The
 network that moves its cores is the published one, its last layer fitted to the cores' triangles at many times. What is
@@ -9,7 +9,6 @@ attached to the cores is attached exactly. No PyTorch is needed: the files are w
 Then: gasp run examples/dancer.toml --render dancer.webm
 """
 
-import argparse
 import math
 import pickle
 import struct
@@ -31,14 +30,12 @@ SMOOTH = 2, 3
 
 def main():
     """Train the dancer, and write her."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("dancer"))
-    chosen = parser.parse_args()
+    folder = Path(__file__).parent / "dancer"
     bear = make_toy(GAUSSIANS)
     cores, groups = core_triangles(bear.means.astype(np.float64))
     weights, error = train(cores)
-    write(chosen.folder, bear.select(groups), cores, weights)
-    print(f"{chosen.folder}: {len(cores)} cores, {ATTACHED} Gaussians each, off by {error:.1%} of its largest motion")
+    write(folder, bear.select(groups), cores, weights)
+    print(f"{folder}: {len(cores)} cores, {ATTACHED} Gaussians each, off by {error:.1%} of its largest motion")
 
 
 def dance(points, time):

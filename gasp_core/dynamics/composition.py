@@ -45,15 +45,12 @@ class Played:
         psi of the drawn Gaussians, about the place of the splat's origin in the world [m].
     vertices
         Of a simplex.
-    note
-        A sentence for the user about it, without its subject; or nothing.
     """
 
     name: str
     choice: Motion
     motion: SceneMotion
     vertices: Literal[3, 4]
-    note: str = ""
 
     def scene_time(self, time: float) -> float:
         """Scene time [s] at a simulated time [s]; psi stands still beyond its span."""
@@ -215,14 +212,14 @@ def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[Plac
     origin = placed.placement.translation
     local = placed.gaussians.with_(means=placed.gaussians.means - origin)
     rest = to_simplices(local, vertices)
-    motion, note = _motion_of(item, choice, gaussians, placed, rest)
+    motion = _motion_of(item, choice, gaussians, placed, rest)
     last = motion.span[1]
     if choice.start > last and choice.rate >= 0:
         raise SceneError(
             f'object "{item.name}": its motion would start = {choice.start:g} s, after its last, at {last:g} s:'
             " nothing would move, start earlier"
         )
-    played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices, note=note)
+    played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices)
     begun = _moved(local, rest, played.simplices(0.0), maps.covariance)
     at_start = replace(placed, gaussians=begun.with_(means=begun.means + origin))
     return bounded_by_region(at_start), played
@@ -230,18 +227,16 @@ def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[Plac
 
 def _motion_of(
     item: SplatObject, choice: Motion, gaussians: Gaussians, placed: PlacedObject, rest: Array
-) -> tuple[SceneMotion, str]:
-    """The motion that is asked for, and what there is to say of it."""
+) -> SceneMotion:
+    """The motion that is asked for."""
     analytic = analytic_motion(choice, rest, placed.placement.translation)
     if analytic is not None:
-        return analytic, ""
+        return analytic
     vertices = 4 if rest.shape[1] == 4 else 3
-    note = ""
     if isinstance(choice, FrameSequence):
         assert isinstance(item.splat, Path)  # SplatObject refuses all else
-        sequence = SequenceMotion(frame_files(item.splat), choice.frame_rate, vertices)
-        own: SceneMotion = sequence
-        note = sequence.note
+        files = frame_files(item.splat)
+        own: SceneMotion = SequenceMotion(files, choice.frame_rate, vertices, choice.match)
     elif isinstance(choice, DMiSoMotion):
         assert isinstance(item.splat, Path)  # SplatObject refuses all else
         own = CheckpointMotion(read_checkpoint(item.splat, choice.iteration)[0], choice.duration, vertices)
@@ -249,7 +244,7 @@ def _motion_of(
         own = CallableMotion(choice, to_simplices(gaussians, vertices))
     else:
         raise SceneError(f'object "{item.name}": this GASP knows no motion of kind "{choice.kind}"')
-    return PlacedMotion(motion=own, rows=placed.rows, placement=placed.placement), note
+    return PlacedMotion(motion=own, rows=placed.rows, placement=placed.placement)
 
 
 def _moved(local: Gaussians, rest: Array, start: Array, covariance: Covariance) -> Gaussians:

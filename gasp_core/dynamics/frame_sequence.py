@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from gasp_core.errors import SplatFormatError
 from gasp_core.games import edge_axes, to_simplices
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
+from gasp_core.io.format_errors import malformed
 
 __all__ = ["SequenceMotion", "frame_files"]
 
@@ -65,35 +66,30 @@ class SequenceMotion:
         [1/s] of scene time; the first frame is at 0.
     vertices
         Of a simplex, 3 or 4. With 3 the first frame says which axis of each Gaussian is left out.
+    match
+        As `FrameSequence` has it.
 
     Raises
     ------
     SplatFormatError
-        Where a file is no splat, or has another number of Gaussians or another degree of harmonics than the first. All
-        are looked at: a run that fails here fails before it began.
-
-    Attributes
-    ----------
-    note
-        A sentence for the user where rows do not seem to match; else nothing.
+        Where a file is no splat, has another number of Gaussians or another degree of harmonics than the first, or its
+        rows seem not to be the same Gaussians and `match` does not say so. All are looked at: a run that fails here
+        fails before it began.
     """
 
-    def __init__(self, files: list[Path], frame_rate: float, vertices: int) -> None:
+    def __init__(
+        self,
+        files: list[Path],
+        frame_rate: float,
+        vertices: int,
+        match: Literal["rows"] | None = None,
+    ) -> None:
         self._files = files
         self._frame_rate = frame_rate
         first = read_splat(files[0])
         self._count, self._degree = len(first), first.sh_degree
         self._edges = edge_axes(first.scales, vertices)
-        pairs = _neighbours(first.means)
-        apart = [_distance(self._read(file).means, pairs) for file in files[1:]]
-        farthest = max(apart, default=0.0)
-        near = _distance(first.means, pairs)
-        self.note = (
-            f"Gaussians that are neighbours in {files[0].name} are {farthest / near:.0f} times as far apart in"
-            f" {files[1 + int(np.argmax(apart))].name}: rows seem not to be the same Gaussians in all frames"
-            if farthest > _FAR * near > 0
-            else ""
-        )
+        self._compare(first.means, refused=match is None)
         # A run asks for two frames in turn, over and over.
         self._frame = lru_cache(maxsize=2)(self._simplices_of)
 
@@ -120,6 +116,20 @@ class SequenceMotion:
         before = int(place)
         share = place - before
         return (1 - share) * self._frame(before) + share * self._frame(before + 1)
+
+    def _compare(self, means: Array, *, refused: bool) -> None:
+        """Look at all frames; refuse those whose rows are not those of the first, as far as that can be told."""
+        pairs = _neighbours(means)
+        apart = [_distance(self._read(file).means, pairs) for file in self._files[1:]]
+        farthest, near = max(apart, default=0.0), _distance(means, pairs)
+        if refused and farthest > _FAR * near > 0:
+            first, other = self._files[0], self._files[1 + int(np.argmax(apart))]
+            raise malformed(
+                other,
+                f"Gaussians that are neighbours in {first.name} are {farthest / near:.0f} times as far apart here: rows"
+                " seem not to be the same Gaussians in all frames",
+                'say match = "rows" if they are; frames that were made one by one cannot be simulated',
+            )
 
     def _simplices_of(self, number: int) -> Array:
         tetrahedra = to_simplices(self._read(self._files[number]), 4)

@@ -13,7 +13,7 @@ from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
 from gasp_core.io.ply import PlyHeader, parse_header, read_table
 
-__all__ = ["own_columns", "read_npy_column", "read_ply_column"]
+__all__ = ["map_npy", "own_columns", "read_npy_column", "read_ply_column"]
 
 Array = NDArray[Any]
 
@@ -40,28 +40,50 @@ def read_npy_column(path: Path, count: int) -> Array:
     SplatFormatError
         Where it cannot be read, is none, or has numbers of another kind or another number of them.
     """
+    mapped = map_npy(path, _SAVE)
+    if mapped.shape not in ((count,), (count, 1)):
+        raise malformed(
+            path,
+            f"has the shape {mapped.shape}, and the splat {count:,} Gaussians",
+            f"give one number for each Gaussian of the file, in its order: shape ({count},)",
+        )
+    try:
+        return np.array(mapped).reshape(count)
+    except MemoryError:
+        raise malformed(path, "does not fit into memory", "give a machine with more") from None
+
+
+def map_npy(path: Path, remedy: str) -> Array:
+    """The numbers of a ``.npy``, of which no more than the header is read; truth values as 0 and 1.
+
+    Parameters
+    ----------
+    path
+        The file.
+    remedy
+        What to do where it is none.
+
+    Raises
+    ------
+    SplatFormatError
+        Where it cannot be read, is none, or has numbers of another kind.
+    """
     try:
         if path.exists() and not path.is_file():
-            raise malformed(path, "is no ordinary file", _SAVE)
-        # Maps the file and reads no more than the header; of Python's own objects it knows nothing.
+            raise malformed(path, "is no ordinary file", remedy)
+        # Of Python's own objects it knows nothing.
         mapped: Array = np.lib.format.open_memmap(path, mode="r")
         if mapped.dtype == np.bool_:
             mapped = mapped.view(np.uint8)
         if mapped.dtype.kind not in _NUMBERS:
-            raise malformed(path, f"holds {quoted(mapped.dtype)}, no numbers", _SAVE)
-        if mapped.shape not in ((count,), (count, 1)):
-            raise malformed(
-                path,
-                f"has the shape {mapped.shape}, and the splat {count:,} Gaussians",
-                f"give one number for each Gaussian of the file, in its order: shape ({count},)",
-            )
-        return np.array(mapped).reshape(count)
+            raise malformed(path, f"holds {quoted(mapped.dtype)}, no numbers", remedy)
     except OSError as error:
         raise malformed(path, f"cannot be read: {error.strerror or error}", "check the path") from None
     except MemoryError:
         raise malformed(path, "does not fit into memory", "give a machine with more") from None
     except _UNREADABLE:
-        raise malformed(path, "is no .npy of numbers, or not whole", _SAVE) from None
+        raise malformed(path, "is no .npy of numbers, or not whole", remedy) from None
+    return mapped
 
 
 def read_ply_column(path: Path, name: str) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.games import choose_vertices, demagnify, from_simplices, magnify, to_simplices
 from gasp_core.gaussians import Gaussians
+from gasp_core.io.columns import map_npy
 from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
 from gasp_core.io.ply import PlyHeader, parse_header, read_table
@@ -289,16 +290,8 @@ def _positions_of(data: bytes, header: PlyHeader, shape: tuple[int, ...], path: 
 
 
 def _array(path: Path, rows: int) -> Array:
-    try:
-        refuse_unread(path, path.stat().st_size)
-        found = np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        raise malformed(
-            path, f"cannot be read: {error.strerror or error}", "check the path and its permissions"
-        ) from error
-    except (ValueError, EOFError) as error:
-        raise malformed(path, "is no array of numbers as NumPy writes them") from error
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu" or found.shape[-2:] != (rows, 3):
-        shape = getattr(found, "shape", ())
-        raise malformed(path, f"is of shape {shape}, not ({rows}, 3) or (frames, {rows}, 3)", _KEPT)
-    return found.astype(np.float32, copy=False)
+    found = map_npy(path, "write it with numpy.save, places of all vertices in the order of the soup")
+    if found.ndim not in (2, 3) or found.shape[-2:] != (rows, 3):
+        raise malformed(path, f"is of shape {found.shape}, not ({rows}, 3) or (frames, {rows}, 3)", _KEPT)
+    with np.errstate(over="ignore"):
+        return found.astype(np.float32, copy=False)

@@ -206,7 +206,6 @@ def assemble(
                 block=block,
                 carrier=sample.carrier,
                 notes=(
-                    *([motion.note] if motion and motion.note else []),
                     *_told(reduction, choice, sample),
                     *matter.notes,
                 ),

@@ -59,20 +59,26 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSequence(Motion):
-    """The object's splat is a folder: a splat a frame, in the natural order of their names, matched row by row.
+    """The object's splat is a folder: a splat a frame, in the natural order of their names.
 
     Parameters
     ----------
     frame_rate
         Frames a second of scene time; the first is at 0.
+    match
+        "rows": row n is the same Gaussian in all frames, however it looks. None: it is, but is refused where it seems
+        not to be.
     """
 
     kind: ClassVar[str] = "frames"
     frame_rate: float = 25.0
+    match: Literal["rows"] | None = None
 
     def __post_init__(self) -> None:
         Motion.__post_init__(self)
         positive(self, "frame_rate")
+        if self.match not in (None, "rows"):
+            raise SceneError(f'FrameSequence.match must be "rows", or be left out, found {self.match!r}')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

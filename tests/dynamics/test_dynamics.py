@@ -426,15 +426,17 @@ def test_velocity_of_frames(record, frames, cloud):
     np.testing.assert_allclose(engine.velocities.reshape(40, 4, 3)[:, 0], expected, atol=1e-5)
 
 
-def test_rows_that_are_not_the_same_gaussians_are_worth_a_word(record, frames, cloud):
+def test_rows_that_are_not_the_same_gaussians_are_refused(record, frames, cloud):
     splat = cloud(400)
     folder = frames(splat)
-    said = "not to be the same Gaussians"
-    assert not [note for note in record(folder, SEQUENCE).notes if said in note]
+    record(folder, SEQUENCE)
     shuffled = splat.select(np.random.default_rng(1).permutation(400))
     write_splat(folder / "f10.ply", shuffled)
-    (note,) = [note for note in record(folder, SEQUENCE).notes if said in note]
-    assert "f10.ply" in note
+    with pytest.raises(
+        GaspError, match=r'f10\.ply: Gaussians that .* seem not to be the same .*; say match = "rows" if'
+    ):
+        record(folder, SEQUENCE)
+    record(folder, dataclasses.replace(SEQUENCE, match="rows"))
 
 
 def other_count(folder, splat):

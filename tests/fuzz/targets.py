@@ -11,6 +11,7 @@ import io
 import json
 import random
 import sys
+import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -140,9 +141,20 @@ def beside_scenes(folder: Path) -> None:
     from gasp_core.toy import make_toy
 
     write_splat(folder / "toy.ply", make_toy(64))
+    _write_dancer(folder / "dancer")
     np.save(folder / "labels.npy", np.arange(64) % 3)
     np.save(folder / "field.npy", np.linspace(1e4, 1e5, 64))
     (folder / "cameras.json").write_bytes(camera_seeds()[0].parts["cameras.json"])
+
+
+def _write_dancer(folder: Path) -> None:
+    """A checkpoint, as the example writes it, of two cores."""
+    import runpy
+
+    maker = runpy.run_path(str(ROOT / "examples" / "make_dancer.py"))
+    bear = maker["make_toy"](64)
+    cores, rows = maker["core_triangles"](bear.means.astype(np.float64))
+    maker["write"](folder, bear.select(rows), cores, maker["train"](cores)[0])
 
 
 def read_scene(path: Path) -> None:
@@ -268,11 +280,63 @@ FAULTY = Target(
     read=read_badly,
 )
 
+# --- what other programs write ---------------------------------------------------------------------------------------
+
+
+def archive_seeds() -> list[Seed]:
+    """What PyTorch saved, its parts damaged behind the checksums of the zip too."""
+    with zipfile.ZipFile(ROOT / "tests" / "io" / "saved_by_torch.pt") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    return [Seed(name="saved.pt", parts=parts, pack=_stored)]
+
+
+def _stored(parts: Parts) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def read_archive(path: Path) -> None:
+    """As checkpoints are read."""
+    from gasp_core.io.torch_archives import read_archive
+
+    read_archive(path)
+
+
+def soup_seeds() -> list[Seed]:
+    """A soup of the toy, and what a program may have made of it."""
+    from gasp_core.io.soups import make_soup, write_soup
+    from gasp_core.toy import make_toy
+
+    stream, moved = io.BytesIO(), io.BytesIO()
+    soup = make_soup(make_toy(16))
+    write_soup(stream, soup)
+    np.save(moved, soup.positions.reshape(-1, 3))
+    return [plain("a.soup.ply", stream.getvalue()), plain("moved.npy", moved.getvalue())]
+
+
+def read_soup(path: Path) -> None:
+    """As ``gasp soup import`` does."""
+    from gasp_core.io.soups import make_soup, read_positions, read_soup, splat_of
+    from gasp_core.toy import make_toy
+
+    toy = make_toy(16)
+    known = make_soup(toy)
+    if path.suffix == ".ply":
+        read_soup(path)
+    for positions in read_positions(path, known):
+        splat_of(known, toy, positions)
+
+
 TARGETS: dict[str, Target] = {
     "splats": Target(seeds=splat_seeds, read=read_splat),
     "scenes": Target(seeds=scene_seeds, read=read_scene, prepare=beside_scenes),
     "columns": Target(seeds=column_seeds, read=read_column),
     "cameras": Target(seeds=camera_seeds, read=read_cameras),
+    "archives": Target(seeds=archive_seeds, read=read_archive),
+    "soups": Target(seeds=soup_seeds, read=read_soup),
     "conversations": Target(seeds=lambda: [plain("worker.jsonl", said())], read=read_conversation),
     "recordings": Target(seeds=recording_seeds, read=read_recording, prepare=in_haste),
 }

@@ -18,7 +18,16 @@ def harness(*arguments):
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("target", "count"),
-    [("splats", 500), ("scenes", 500), ("columns", 500), ("cameras", 500), ("conversations", 500), ("recordings", 60)],
+    [
+        ("splats", 500),
+        ("scenes", 500),
+        ("columns", 500),
+        ("cameras", 500),
+        ("archives", 500),
+        ("soups", 500),
+        ("conversations", 500),
+        ("recordings", 60),
+    ],
 )
 def test_mutants_are_read_or_refused(target, count):
     done = harness(target, "--count", str(count))

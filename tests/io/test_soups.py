@@ -182,9 +182,9 @@ def test_refuses_what_is_not_of_the_soup(tmp_path):
     np.save(tmp_path / "code.npy", np.array([{}], dtype=object), allow_pickle=True)
     for name, said in (
         ("short.npy", r"is of shape \(199, 3\), not \(200, 3\) or"),
-        ("words.npy", "is of shape"),
-        ("no.npy", "is no array of numbers"),
-        ("code.npy", "is no array of numbers"),
+        ("words.npy", "no numbers"),
+        ("no.npy", r"is no \.npy of numbers"),
+        ("code.npy", "no numbers|no .npy"),
         ("nowhere.npy", "cannot be read: No such file"),
         ("a.obj", "is no file of moved vertices; write .ply or .npy"),
     ):

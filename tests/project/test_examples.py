@@ -21,7 +21,7 @@ def examples(tmp_path_factory):
     for path in EXAMPLES.glob("*.*"):
         if path.suffix in (".py", ".toml"):
             shutil.copy(path, folder)
-    for maker in ("make_toy.py", "make_ball.py", "make_castle.py", "vibrating_bar.py"):
+    for maker in ("make_toy.py", "make_ball.py", "make_castle.py", "make_dancer.py", "vibrating_bar.py"):
         runpy.run_path(str(folder / maker), run_name="__main__")
     return folder
 

@@ -168,6 +168,7 @@ def contents(
 
 
 OF_MOTIONS = frozenset({"composition", "start", "rate", "start_velocity"})
+OF_FRAMES = frozenset({"frame_rate", "match"})
 CENTER, FILE, KIND = frozenset({"center"}), {"file": None}, {"kind": None}
 OF_PLACES = frozenset({"file", "height", "metres_per_unit", "position", "rotation"})
 
@@ -177,7 +178,7 @@ KEY_TABLES = {
     "solid": ("`[[object]]`", "interior", contents(SolidOptions)),
     "reduction": ("`[[object]]`", "fraction", contents(Reduction, without=frozenset({"mode", "points"}))),
     "part": ("`[[object.part]]`", "name", contents(Part)),
-    "motion": ("`[object.motion]`", "kind", contents(FrameSequence, without=frozenset({"frame_rate"}), besides=KIND)),
+    "motion": ("`[object.motion]`", "kind", contents(FrameSequence, without=OF_FRAMES, besides=KIND)),
     "d-miso": ("`[object.motion]`", "duration", contents(DMiSoMotion, without=OF_MOTIONS)),
     "python": ("`[object.motion]`", "span", contents(PythonMotion, without=OF_MOTIONS | {"function"})),
     "contact": ("`[[contact]]`", "between", contents(ContactRule)),
