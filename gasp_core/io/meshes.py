@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +14,14 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.format_errors import shown
 
-__all__ = ["LONGEST", "MESH_SUFFIXES", "MOST_FACES", "TriangleMesh", "read_mesh"]
+__all__ = ["MESH_SUFFIXES", "TriangleMesh", "face_areas", "from_scene", "read_mesh", "whole_faces"]
 
 Array = NDArray[Any]
+Read = TypeVar("Read")
 
 MESH_SUFFIXES = (".obj", ".glb", ".stl", ".ply")
-LONGEST = 1 << 30
-MOST_FACES = 20_000_000
+_LONGEST = 1 << 30
+_MOST_FACES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +51,37 @@ def read_mesh(path: Path) -> TriangleMesh:
     SplatFormatError
         Where it cannot be read, or no triangle is left.
     """
+
+    def joined(scene: Any) -> TriangleMesh:
+        mesh = scene.to_mesh()
+        return TriangleMesh(
+            vertices=np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3),
+            faces=np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3),
+        )
+
+    mesh = from_scene(path, joined, painted=False)
+    faces = mesh.faces[whole_faces(mesh.vertices, mesh.faces, path)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return TriangleMesh(vertices=mesh.vertices[used], faces=faces.reshape(-1, 3))
+
+
+def from_scene(path: Path, read: Callable[[Any], Read], *, painted: bool) -> Read:
+    """What `read` makes of the scene that trimesh finds in a file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    read
+        Is given the scene; whatever it stumbles over is told as damage.
+    painted
+        Whether materials and textures are looked for, beside the file and below.
+
+    Raises
+    ------
+    SplatFormatError
+        Where it cannot be read.
+    """
     name = shown(path)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
@@ -62,13 +95,15 @@ def read_mesh(path: Path) -> TriangleMesh:
     try:
         if path.exists() and not path.is_file():
             raise SplatFormatError(f"{name}: is no ordinary file")
-        if path.stat().st_size > LONGEST:
+        if path.stat().st_size > _LONGEST:
             raise SplatFormatError(f"{name}: is longer than 1 GiB: decimate the mesh")
+        resolver = loading.resolvers.FilePathResolver(str(path.resolve())) if painted else None
         with path.open("rb") as stream:
-            scene = loading.load_scene(stream, file_type=suffix[1:], process=False, skip_materials=True)
-        mesh = scene.to_mesh()
-        vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-        faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+            return read(
+                loading.load_scene(
+                    stream, file_type=suffix[1:], process=False, skip_materials=not painted, resolver=resolver
+                )
+            )
     except SplatFormatError:
         raise
     except OSError as error:
@@ -78,15 +113,31 @@ def read_mesh(path: Path) -> TriangleMesh:
         raise SplatFormatError(
             f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {shown(str(error))[:100]})"
         ) from None
-    if len(faces) > MOST_FACES:
-        raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {MOST_FACES:,} at most")
+
+
+def whole_faces(vertices: Array, faces: Array, path: Path) -> Array:
+    """Which faces (F,) are finite and have an area.
+
+    Raises
+    ------
+    SplatFormatError
+        Where there are too many, none is whole, or one names a vertex that is not there.
+    """
+    name = shown(path)
+    if len(faces) > _MOST_FACES:
+        raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {_MOST_FACES:,} at most")
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise SplatFormatError(f"{name}: its triangles name vertices that are not there: the file is damaged")
     corners = vertices[faces]
     with np.errstate(over="ignore", invalid="ignore"):
-        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    faces = faces[np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)]
-    if not len(faces):
+        areas = face_areas(vertices, faces)
+    whole = np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)
+    if not whole.any():
         raise SplatFormatError(f"{name}: has no triangle with an area")
-    used, faces = np.unique(faces, return_inverse=True)
-    return TriangleMesh(vertices=vertices[used], faces=faces.reshape(-1, 3))
+    return whole
+
+
+def face_areas(vertices: Array, faces: Array) -> Array:
+    """Areas (F,) of faces."""
+    corners = vertices[faces]
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.format_errors import shown
-from gasp_core.io.meshes import LONGEST, MESH_SUFFIXES, MOST_FACES
+from gasp_core.io.meshes import MESH_SUFFIXES, face_areas, from_scene, whole_faces
 
 __all__ = ["PaintedMesh", "is_mesh", "read_painted_mesh"]
 
@@ -57,8 +56,7 @@ class PaintedMesh:
     @property
     def areas(self) -> Array:
         """Of the faces, (F,)."""
-        corners = self.vertices[self.faces]
-        return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        return face_areas(self.vertices, self.faces)
 
     def colours(self, rows: Array, weights: Array, area: float) -> Array:
         """What is seen at places on faces, (M, 3) in 0..1.
@@ -115,36 +113,13 @@ def read_painted_mesh(path: Path) -> PaintedMesh:
     SplatFormatError
         Where it cannot be read, or no triangle is left.
     """
-    name = shown(path)
-    suffix = path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
-        raise SplatFormatError(f"{name}: is no mesh that is read here: {', '.join(MESH_SUFFIXES)}")
-    try:
-        import trimesh
-    except ImportError:
-        raise SplatFormatError(f"{name}: meshes are read by trimesh: pip install 'gasp-core[meshes]'") from None
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    loading: Any = trimesh
-    try:
-        if path.stat().st_size > LONGEST:
-            raise SplatFormatError(f"{name}: is longer than 1 GiB: decimate the mesh")
-        with path.open("rb") as stream:
-            resolver = loading.resolvers.FilePathResolver(str(path.resolve()))
-            scene = loading.load_scene(stream, file_type=suffix[1:], process=False, resolver=resolver)
-        parts: list[_Part | None] = []
-        for node in scene.graph.nodes_geometry:
-            placed, geometry = scene.graph[node]
-            parts.append(_part(placed, scene.geometry[geometry]))
-    except SplatFormatError:
-        raise
-    except OSError as error:
-        raise SplatFormatError(f"{name}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:
-        # A damaged file ends trimesh in whatever it stumbles over.
-        raise SplatFormatError(
-            f"{name}: is no whole {suffix} mesh ({type(error).__name__}: {shown(str(error))[:100]})"
-        ) from None
-    return _joined([part for part in parts if part is not None], name)
+
+    def parts(scene: Any) -> list[_Part]:
+        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        found = [_part(transform, scene.geometry[geometry]) for transform, geometry in placed]
+        return [part for part in found if part is not None]
+
+    return _joined(from_scene(path, parts, painted=True), path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,9 +191,9 @@ def _picture(image: Any) -> Array | None:
     return np.asarray(image.convert("RGB"), dtype=np.float32) / 255
 
 
-def _joined(parts: Sequence[_Part], name: str) -> PaintedMesh:
+def _joined(parts: Sequence[_Part], path: Path) -> PaintedMesh:
     if not parts or not sum(len(part.faces) for part in parts):
-        raise SplatFormatError(f"{name}: has no triangle")
+        raise SplatFormatError(f"{shown(path)}: has no triangle with an area")
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     textures = [part.texture for part in parts if part.texture is not None]
     numbers = np.cumsum([part.texture is not None for part in parts]) - 1
@@ -233,14 +208,7 @@ def _joined(parts: Sequence[_Part], name: str) -> PaintedMesh:
         places=np.concatenate([part.places for part in parts]),
         notes=tuple(dict.fromkeys(part.note for part in parts if part.note)),
     )
-    if len(joined.faces) > MOST_FACES:
-        raise SplatFormatError(f"{name}: has {len(joined.faces):,} triangles: decimate it to {MOST_FACES:,} at most")
-    corners = joined.vertices[joined.faces]
-    with np.errstate(over="ignore", invalid="ignore"):
-        areas = joined.areas
-    kept = np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)
-    if not kept.any():
-        raise SplatFormatError(f"{name}: has no triangle with an area")
+    kept = whole_faces(joined.vertices, joined.faces, path)
     return PaintedMesh(
         vertices=joined.vertices,
         faces=joined.faces[kept],
