@@ -56,7 +56,7 @@ CASES = {
     "lfs pointer": ("a.ply", lambda b: b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "git lfs pull"),
     "annex pointer": ("a.ply", lambda b: b"/annex/objects/SHA256E-s12--00.ply\n", "git annex get"),
     "ksplat": ("a.ksplat", lambda b: bytes(4096), r"no known kind \('\.ksplat'\); splats are read from"),
-    "obj": ("a.obj", lambda b: b"v 0 0 0\n", "no known kind"),
+    "obj": ("a.obj", lambda b: b"v 0 0 0\n", "is no splat; of a mesh `gasp convert` makes one"),
     "no suffix": ("a", lambda b: b"hello", "no suffix"),
     "header cut": ("a.ply", lambda b: inria(b)[:60], "no end_header"),
     "header endless": ("a.ply", lambda b: b"ply\n" + b"comment x\n" * 100_000, "no end_header"),
