@@ -82,8 +82,7 @@ def export_soup(splat: Path, out: Path | None, vertices: str, shortest_edge: flo
     epilog="""\b
 MOVED is a .ply, or a .npy of NumPy, (vertices, 3) or (frames, vertices, 3), in
 the order of the soup. What has not moved comes back to the last bit. A folder
-of frames is played by motion = { kind = "frames" } in a scene, seen with
-"gasp view", and packed.
+of frames is played by motion = { kind = "frames" } in a scene.
 """,
 )
 @click.argument("splat", type=click.Path(path_type=Path))

@@ -82,6 +82,7 @@ def read_archive(path: Path) -> Any:
         ) from error
     except SplatFormatError:
         raise
+    # All that zipfile raises of damaged bytes, as the tests and the fuzz damage them: it is told, not passed over.
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, ValueError, EOFError, struct.error) as error:
         raise malformed(path, f"is a damaged archive ({shown(error)[:80]})") from error
 
