@@ -98,7 +98,7 @@ def limit_edges(
     edges = simplices[:, 1:] - simplices[:, :1]
     first, second = edges[:, -2], edges[:, -1]
     length = np.linalg.norm(first, axis=1)
-    unit = first / np.where(length > 0, length, 1.0)[:, None]
+    unit = _unit(first)
     along = np.einsum("ni,ni->n", second, unit)[:, None] * unit
     across = second - along
     height = np.linalg.norm(across, axis=1)

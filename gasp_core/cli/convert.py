@@ -38,7 +38,7 @@ Examples:
     "count",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Of a mesh: how many are to cover it, one for each face at least. [default: 200000]",
+    help="Of a mesh: about how many are to cover it. [default: 200000]",
 )
 @click.option("--up", type=click.Choice(UP_AXES), help="Of a mesh: its axis that is up. [default: +y; of .stl +z]")
 @overwrite_option("a file")
