@@ -47,6 +47,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         "restitution": can.restitution,
         "material-damping": can.material_damping,
         "cohesion": can.cohesion,
+        "trajectories": can.trajectories,
         "checkpoints": can.checkpoints,
         "tracers": can.carries_tracers,
         "device-indices": can.device_indices,

@@ -75,10 +75,12 @@ SHOWN = {
     "restitution",
     "material-damping",
     "cohesion",
+    "trajectories",
     "device-indices",
     "tracers",
 }
-"""Names of the checks below, in `test_bodies`, `test_damping` and `test_sand`; devices have theirs by their names."""
+"""Names of the checks below, in `test_bodies`, `test_damping`, `test_leading` and `test_sand`; devices have theirs by
+their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

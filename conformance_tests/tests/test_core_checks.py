@@ -17,7 +17,16 @@ from typing import Any
 import numpy as np
 import pytest
 from gasp_conformance import capability_oracles as exact
-from gasp_conformance import elsewhere, specimens, test_bodies, test_capabilities, test_core, test_damping, test_sand
+from gasp_conformance import (
+    elsewhere,
+    specimens,
+    test_bodies,
+    test_capabilities,
+    test_core,
+    test_damping,
+    test_leading,
+    test_sand,
+)
 from gasp_conformance.declarations import base_name, declared
 from gasp_conformance.ledger import Figure, Ledger
 from gasp_conformance.plugin_imports import PluginImports, plugin_imports
@@ -84,6 +93,7 @@ EVERYTHING = EngineCapabilities(
     restitution=True,
     material_damping=True,
     cohesion=True,
+    trajectories=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -422,7 +432,7 @@ def test_an_engine_that_is_not_installed_fails_in_a_process_with_its_message() -
 def judges() -> dict[str, Any]:
     """Every capability check by the name of its function, but those that pytest makes for an engine."""
     made = {"test_device", "test_declared_without_a_check"}
-    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping) | vars(test_sand)
+    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping) | vars(test_leading) | vars(test_sand)
     return {name: judge for name, judge in found.items() if name.startswith("test_") and name not in made}
 
 

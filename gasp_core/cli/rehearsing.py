@@ -135,7 +135,7 @@ def _move(scene: Scene, folder: Path) -> None:
     """What happens to a body in every frame."""
     import numpy as np
 
-    from gasp_core.reduction.assembly import matter_turns, moved_gaussians
+    from gasp_core.reduction.bodies import matter_turns, moved_gaussians
     from gasp_core.reduction.shape_flags import shape_flags
     from gasp_core.simulation.splat_sources import prepare
 

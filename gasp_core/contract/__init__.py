@@ -47,6 +47,7 @@ from gasp_core.contract.protocols import EngineSession, PointEngine, ViewingSess
 from gasp_core.contract.report import Status, StepReport
 from gasp_core.contract.rigid_motion import KeyframedMotion, RigidMotion, SteadyMotion
 from gasp_core.contract.shapes import SHAPES, BoxShape, HalfSpace, Shape, SphereShape, Vector
+from gasp_core.contract.trajectories import Trajectories
 
 __all__ = [
     "BodyContact",
@@ -98,6 +99,7 @@ __all__ = [
     "Status",
     "SteadyMotion",
     "StepReport",
+    "Trajectories",
     "Vector",
     "ViewingSession",
     "Wind",

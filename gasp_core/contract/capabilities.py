@@ -96,6 +96,8 @@ def needs(
         if force.region is not None:
             asked.append(_region_need(force.region, f"force field {number}"))
     asked += _contact_needs(problem, body_names)
+    if problem.trajectories is not None:
+        asked.append(Need("leads no points along trajectories", "trajectories"))
     if problem.domain is not None:
         policy = problem.domain.policy
         asked.append(Need(f'knows no domain policy "{policy.value}"', "domain_policies", policy))

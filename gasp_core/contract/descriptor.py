@@ -19,7 +19,7 @@ __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "Engine
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 3)
+CONTRACT_VERSION = (1, 4)
 """Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
 
 A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says
@@ -45,6 +45,8 @@ class EngineCapabilities:
         Whether elastic matter is damped as its `mass_damping` and `stiffness_damping` say.
     cohesion
         Whether sand coheres as its `Sand.cohesion` says.
+    trajectories
+        Whether some points may be led, as `PointProblem.trajectories` says.
     region_shapes
         Of regions in which a drive or a force field acts.
     device_indices
@@ -94,6 +96,7 @@ class EngineCapabilities:
     restitution: bool = False
     material_damping: bool = False
     cohesion: bool = False
+    trajectories: bool = False
     region_shapes: frozenset[type[Shape]] = frozenset({HalfSpace, BoxShape, SphereShape})
     device_indices: bool = False
     material_columns: frozenset[str] = frozenset()

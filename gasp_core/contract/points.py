@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT, BodyContact, Collider, Domain, Drive, ForceField
 from gasp_core.contract.materials import Material
+from gasp_core.contract.trajectories import Trajectories
 from gasp_core.contract.validation import finite_vector, frozen_array
 from gasp_core.errors import SceneError
 
@@ -102,6 +103,8 @@ class PointProblem:
     that declares no `EngineCapabilities.body_contacts` lets them meet in its own way."""
     pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
     """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""
+    trajectories: Trajectories | None = None
+    """Of points that are led, for engines that declare `EngineCapabilities.trajectories`."""
     hints: tuple[object, ...] = ()
     """What some engines can make use of and none has to: instances of classes that are no part of this contract, e.g.
     `gasp_core.stepping.grid.GridAnchor`. They decide nothing about the scene."""
@@ -120,6 +123,10 @@ class PointProblem:
                 raise SceneError(
                     f"PointProblem.pair_contacts: ({low}, {high}) must be two of the {bodies} bodies, the lower first"
                 )
+        if self.trajectories is not None and self.trajectories.rows[-1] >= len(ids):
+            raise SceneError(
+                f"Trajectories.rows must be rows of the {len(ids)} points, found {int(self.trajectories.rows[-1])}"
+            )
         for name, column in self.points.material_columns.items():
             _check_column(name, column, ids, self.materials)
 

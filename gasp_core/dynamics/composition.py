@@ -54,7 +54,7 @@ class Played:
 
     def scene_time(self, time: float) -> float:
         """Scene time [s] at a simulated time [s]; psi stands still beyond its span."""
-        return float(np.clip(self.choice.start + self.choice.rate * time, *self.motion.span))
+        return float(np.clip(self.choice.scene_time(time), *self.motion.span))
 
     def simplices(self, time: float) -> Array:
         """Simplices (N, V, 3) [m] at a simulated time [s].
@@ -72,7 +72,7 @@ class Played:
         moment = self.scene_time(0.0)
         if self.choice.composition == "carried" or self.choice.start_velocity is False:
             return np.zeros((len(self.motion), self.vertices, 3))
-        return self._checked(self.choice.rate * velocities(self.motion, moment), moment)
+        return self._checked(self.choice.rate_at_start * velocities(self.motion, moment), moment)
 
     def _checked(self, array: Array, moment: float) -> Array:
         bad = np.flatnonzero(~np.isfinite(array).all(axis=(1, 2)))
@@ -161,9 +161,20 @@ class PrescribedMotion:
         mixing[other] = own[other] @ np.linalg.pinv(given[other], rcond=1e-12)
         return cls(played=played, rows=rows, start=start, mixing=mixing)
 
+    def select(self, rows: Array) -> PrescribedMotion:
+        """That of some of the body's Gaussians."""
+        return replace(self, rows=self.rows[rows], start=self.start[rows], mixing=self.mixing[rows])
+
     def at(self, time: float) -> Array:
         """At a simulated time [s], (N, V, 3) float32 [m], as recordings keep it; see `drifted`."""
-        return self._mixed(self.played.simplices(time)[self.rows] - self.start).astype(np.float32)
+        return self._drift(time).astype(np.float32)
+
+    def displacements(self, time: float) -> Array:
+        """Of the vertices at a simulated time [s] from the start, (N, V, 3) [m]."""
+        return drifted(np.zeros_like(self.start), self._drift(time))
+
+    def _drift(self, time: float) -> Array:
+        return self._mixed(self.played.simplices(time)[self.rows] - self.start)
 
     def velocities(self) -> Array:
         """Of the vertices at the start, as far as physics is to have them, (N, V, 3) [m/s]."""
@@ -213,10 +224,10 @@ def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[Plac
     local = placed.gaussians.with_(means=placed.gaussians.means - origin)
     rest = to_simplices(local, vertices)
     motion = _motion_of(item, choice, gaussians, placed, rest)
-    last = motion.span[1]
-    if choice.start > last and choice.rate >= 0:
+    last, start = motion.span[1], choice.scene_time(0.0)
+    if start > last and choice.schedule is None and choice.rate >= 0:
         raise SceneError(
-            f'object "{item.name}": its motion would start = {choice.start:g} s, after its last, at {last:g} s:'
+            f'object "{item.name}": its motion would start = {start:g} s, after its last, at {last:g} s:'
             " nothing would move, start earlier"
         )
     played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices)

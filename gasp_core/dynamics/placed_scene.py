@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gasp_core.io.detect import INDICES
 from gasp_core.io.digests import add_content
 from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
-from gasp_core.scene.motions import DMiSoMotion, FrameSequence, PythonMotion
+from gasp_core.scene.motions import DMiSoMotion, FrameSequence, Motion, PythonMotion
 from gasp_core.scene.objects import SplatObject, columns_of
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest
@@ -90,19 +91,23 @@ def read_source(item: SplatObject) -> tuple[Gaussians, str]:
 def _read_splat_and_motion(item: SplatObject) -> tuple[Gaussians, str]:
     """The Gaussians, and the digest of where they and psi come from."""
     if isinstance(item.motion, PythonMotion):
-        gaussians, own = _read_splat_and_motion(dataclasses.replace(item, motion=None))
+        gaussians, own = _read(item.splat, None)
         return gaussians, hashlib.sha256(f"{own} {function_digest(item.motion.function)}".encode()).hexdigest()
-    if isinstance(item.splat, Gaussians):
-        return item.splat, gaussians_digest(item.splat)
+    return _read(item.splat, item.motion)
+
+
+def _read(splat: Path | Gaussians, motion: Motion | None) -> tuple[Gaussians, str]:
+    if isinstance(splat, Gaussians):
+        return splat, gaussians_digest(splat)
     digest = hashlib.sha256()
-    if isinstance(item.motion, DMiSoMotion):
-        checkpoint, files = read_checkpoint(item.splat, item.motion.iteration)
+    if isinstance(motion, DMiSoMotion):
+        checkpoint, files = read_checkpoint(splat, motion.iteration)
         for file in files.all():
             add_content(digest, file)
         return checkpoint.at(0.0), digest.hexdigest()
-    first = frame_files(item.splat)[0] if isinstance(item.motion, FrameSequence) else item.splat
+    first = frame_files(splat)[0] if isinstance(motion, FrameSequence) else splat
     gaussians = read_splat(first)
-    add_content(digest, item.splat.parent if item.splat.name in INDICES else item.splat)
+    add_content(digest, splat.parent if splat.name in INDICES else splat)
     return gaussians, digest.hexdigest()
 
 

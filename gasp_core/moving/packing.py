@@ -24,7 +24,7 @@ from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.html import write_page
 from gasp_core.moving.reading import block_name, body_of
 from gasp_core.recording.reader import Recording
-from gasp_core.reduction.assembly import Body
+from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.morton import along_a_curve
 from gasp_core.scene.placement import Placement, place, upright
 

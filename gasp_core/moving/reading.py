@@ -23,7 +23,7 @@ from gasp_core.moving.bodies import CarriedBody, Corrections, FreeBody, MovingBo
 from gasp_core.moving.carriers import carrier_of
 from gasp_core.moving.frames import FrameReader, decoded_corrections
 from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
-from gasp_core.reduction.assembly import shapes
+from gasp_core.reduction.bodies import shapes
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.placement import Placement, place, upright
 from gasp_core.scene.settings import MapChoice

@@ -150,7 +150,7 @@ def _check_diagnostics(known: Any) -> None:
     _expect(isinstance(warnings, list) and all(_text(warning) for warning in warnings), "its warnings are no texts")
 
 
-def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> None:
+def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int, *, driven: bool = False) -> None:
     """Refuse the arrays of a body's carrier that do not fit its Gaussians, its points and each other.
 
     Parameters
@@ -161,6 +161,8 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
         Of the header.
     count
         Its moving Gaussians.
+    driven
+        Whether what moves by itself asks nothing of the others.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int) -> N
         _shape(arrays, "magnification", (count, body.vertices - 1), "f")
         _expect(bool((arrays["magnification"] > 0).all()), "magnification is none")
         _expect(points == count * body.vertices, "its points are not its vertices")
-        if body.drifts or any(name.startswith("gradients/") for name in arrays):
+        if (body.drifts and not driven) or any(name.startswith("gradients/") for name in arrays):
             _check_fit(arrays, "gradients", count, count)
         return
     if body.carrier == "volume":

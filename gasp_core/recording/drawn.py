@@ -13,7 +13,7 @@ from gasp_core.contract import Fluid, Foam, Sand, Snow
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.recording.reader import Recording
-from gasp_core.reduction.assembly import Body
+from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.grains import FlowedMatter, Grains, grains_of
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.render_input import RenderInput

@@ -11,7 +11,7 @@ __all__ = ["VERSION", "migrated"]
 
 Attributes = dict[str, Any]
 
-VERSION = 6
+VERSION = 7
 """Of recordings as they are written today."""
 
 
@@ -66,10 +66,16 @@ def _without_checksums(attributes: Attributes) -> Attributes:
     return {**attributes, "files": {}}
 
 
+def _without_driven_parts(attributes: Attributes) -> Attributes:
+    """6: of a body that moved by itself all Gaussians did."""
+    return attributes
+
+
 _STEPS: tuple[Callable[[Attributes], Attributes], ...] = (
     _with_carriers,
     _with_drifts,
     _unchanged,
     _without_need_of_the_scene,
     _without_checksums,
+    _without_driven_parts,
 )

@@ -10,7 +10,6 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.dynamics.composition import PrescribedMotion
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
@@ -18,6 +17,7 @@ from gasp_core.notebooks import ShownInNotebooks
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
 from gasp_core.recording.commits import Commits, numbered, too_many_lost
+from gasp_core.recording.drifting import driven_rows, formula_of, placement_of
 from gasp_core.recording.files import UnreadableError, short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
@@ -25,12 +25,12 @@ from gasp_core.recording.map_record import recorded_maps
 from gasp_core.recording.nodes import read_attributes
 from gasp_core.recording.opening import read_header
 from gasp_core.recording.store import Store
-from gasp_core.reduction.all_vertices import Block, block_of
-from gasp_core.reduction.assembly import Body, before_physics, matter_turns, moved_gaussians, moved_simplices, shapes
+from gasp_core.reduction.all_vertices import block_of
+from gasp_core.reduction.bodies import Body, carried_simplices, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.carriers import CARRIERS
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.render_input import RenderInput
-from gasp_core.scene.loading import read_stored_motion, read_stored_scene
+from gasp_core.scene.loading import read_stored_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.placement import Placement
 from gasp_core.scene.settings import MapChoice
@@ -180,16 +180,7 @@ class Recording(ShownInNotebooks):
         """
         for item in self.header.objects:
             if item.name == name:
-                if item.placement is None:
-                    raise RecordingError(
-                        f"{self.path}: does not say how its objects were placed, it is too old: run it anew"
-                    )
-                values = item.placement
-                return Placement(
-                    rotation=np.array(values["rotation"], dtype=np.float64),
-                    scale=float(values["scale"]),
-                    translation=np.array(values["translation"], dtype=np.float64),
-                )
+                return placement_of(self._store, item)
         names = ", ".join(item.name for item in self.header.objects)
         raise RecordingError(f'{self.path}: has no object "{name}", its objects are {names}')
 
@@ -216,36 +207,31 @@ class Recording(ShownInNotebooks):
             rows = item.first + np.flatnonzero(self.moving[item.first : item.last])
             vertices: Literal[3, 4] = 4 if entry.vertices == 4 else 3
             block = block_of(self.reference.select(rows), vertices)
+            driven = driven_rows(self._store, index, entry, len(rows))
             found.append(
                 Body(
                     name=item.name,
                     rows=rows,
                     points=slice(entry.first, entry.last),
                     block=block,
-                    carrier=self._carrier(index, len(rows)),
-                    drift=self._drift(index, item.name, block) if entry.drifts else None,
+                    carrier=self._carrier(index, len(rows), driven=driven is not None),
+                    drift=formula_of(self._store, index, entry, item, block, driven) if entry.drifts else None,
+                    driven=driven,
                 )
             )
         return tuple(found)
 
-    def _drift(self, index: int, name: str, block: Block) -> PrescribedMotion | None:
-        """The motion of a body that has a formula."""
-        if not self._store.has(f"bodies/{index}/unmoved"):
-            return None
-        choice = read_stored_motion(self.header.bodies[index].motion or {}, file=f"{self.path} (motion)")
-        unmoved = self._store.array(f"bodies/{index}/unmoved", block.rest.shape, "f")
-        return PrescribedMotion.again(name, choice, unmoved, self.placement(name).translation, block.rest)
-
-    def _carrier(self, index: int, count: int) -> TransferOperator:
+    def _carrier(self, index: int, count: int, *, driven: bool) -> TransferOperator:
         entry = self.header.bodies[index]
         if entry.carrier not in CARRIERS:
             raise RecordingError(
                 f'{self.path}: carries body {index} by "{entry.carrier}", this GASP knows no such: update GASP'
             )
         arrays = self._store.carrier(index, max(count, entry.last - entry.first))
-        arrays.pop("unmoved", None)
+        for own in ("unmoved", "driven"):
+            arrays.pop(own, None)
         try:
-            check_carrier(arrays, entry, count)
+            check_carrier(arrays, entry, count, driven=driven)
             return CARRIERS[entry.carrier].of(arrays)
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(f"{self.path}: bodies/{index} is damaged ({short(error)})") from None
@@ -309,7 +295,7 @@ class Recording(ShownInNotebooks):
         relative, means = self.displacements(frame)
         drifts = self._drifts(self.commit(frame))
         return {
-            body.name: moved_simplices(body, relative[body.points], drift) + (body.block.centre + mean)
+            body.name: moved_simplices(body, relative[body.points], drift, mean) + (body.block.centre + mean)
             for body, mean, drift in zip(self.bodies, means, drifts)
         }
 
@@ -338,7 +324,9 @@ class Recording(ShownInNotebooks):
         drifts = self._drifts(commit)
         for index, (body, shift, drift) in enumerate(zip(self.bodies, commit.body_displacements, drifts)):
             previous = self._previous(index, commit)
-            moved = moved_gaussians(body, relative[body.points], maps, previous=previous, drift=drift)
+            moved = moved_gaussians(
+                body, relative[body.points], maps, previous=previous, drift=drift, shift=np.asarray(shift)
+            )
             means[body.rows] = moved.gaussians.means + (body.block.centre + np.asarray(shift))
             quaternions[body.rows] = moved.gaussians.quaternions
             scales[body.rows] = moved.gaussians.scales
@@ -358,16 +346,15 @@ class Recording(ShownInNotebooks):
             rows = lost[lost[:, 1] == last, 0]
             relative, _ = self.displacements(int(last))
             drift = self._drifts(self.commit(int(last)))[index]
-            moved = moved_simplices(body, relative[body.points], drift)[rows]
-            before = before_physics(body, drift)
+            moved, before = carried_simplices(body, relative[body.points], drift)
             before = None if before is None else before[rows]
-            valid = shapes(moved, local.select(rows), self._maps, before=before).gaussians
+            valid = shapes(moved[rows], local.select(rows), self._maps, before=before).gaussians
             quaternions[rows] = valid.quaternions
             scales[rows] = valid.scales
         return local.with_(quaternions=quaternions, scales=scales)
 
     def _drifts(self, commit: Commit) -> list[Array | None]:
-        """For each body (N, V, 3) [m], how far it has moved by itself, as `drifted` takes it; None: it does not."""
+        """For each body how far it has moved by itself, `Body.drifting` [m], see `drifted`; None: it does not."""
         kept: Array | None = None
         first = 0
         drifts: list[Array | None] = []
@@ -378,10 +365,10 @@ class Recording(ShownInNotebooks):
                 drifts.append(body.drift.at(commit.time))
             else:
                 kept = self._frame_array("drifts", commit) if kept is None else kept
-                last = first + body.block.rest.size // 3
+                last = first + body.drifting[0] * body.drifting[1]
                 if last > len(kept):
                     raise RecordingError(f"{self.path}: frames/drifts is damaged: it has too few rows")
-                drifts.append(kept[first:last].reshape(body.block.rest.shape))
+                drifts.append(kept[first:last].reshape(body.drifting))
                 first = last
         return drifts
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -90,6 +90,10 @@ class Vertices:
     def gather(self, rest: Array, velocities: Array) -> Array:
         """See `TransferOperator`."""
         return lengthened(velocities, self.factors).reshape(-1, 3)
+
+    def follower(self, rest: Array) -> Callable[[Array], Array]:
+        """See `TransferOperator`."""
+        return lambda moves: self.gather(rest, moves)
 
     @property
     def leaders(self) -> Array:

@@ -1,4 +1,4 @@
-"""From placed objects to the one problem an engine is given, and the way back for its points."""
+"""From placed objects to the one problem an engine is given."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, PointProblem
-from gasp_core.control import control
-from gasp_core.dynamics.composition import Played, PrescribedMotion, drifted
+from gasp_core.dynamics.composition import Played, PrescribedMotion
 from gasp_core.errors import SceneError
-from gasp_core.games import invert_simplices, matter_rotations
-from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
+from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
+from gasp_core.reduction.leading import Lead, driven_gaussians, trajectories_at_rest
 from gasp_core.reduction.part_points import matter_of_points
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.surfaces import colliders_of, rigid_surfaces
@@ -27,48 +26,14 @@ from gasp_core.scene.body_contacts import default_contact, pair_contacts
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.selection import PlacedObject
-from gasp_core.scene.settings import MapChoice
 from gasp_core.stepping.grid import GridAnchor
 
-__all__ = ["Assembly", "Body", "MovedGaussians", "assemble", "before_physics", "matter_turns"]
-__all__ += ["moved_gaussians", "moved_simplices", "shapes"]
+__all__ = ["Assembly", "assemble"]
 
 Array = NDArray[Any]
 
 _FINEST, _COARSEST = 1e-12, 1e12
 """Of a cell [m]: the cube of what is beyond them is no float32."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
-    """What is simulated of one object.
-
-    Parameters
-    ----------
-    name
-        Of the object.
-    rows : (N,)
-        Its moving Gaussians, as rows of the whole drawn scene.
-    points
-        Its rows of the engine's points.
-    block
-        Its simplices.
-    carrier
-        How the motion of its points becomes that of its simplices.
-    notes
-        Sentences for the user about the reduction, without their subject; none in a body read from a recording.
-    drift
-        How it moves by itself while it is simulated; None where it does not, and in a body read from a recording that
-        keeps of every frame how far it went.
-    """
-
-    name: str
-    rows: Array
-    points: slice
-    block: Block
-    carrier: TransferOperator
-    notes: tuple[str, ...] = ()
-    drift: PrescribedMotion | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +56,9 @@ class Assembly:
         Sentences for the user about all of it.
     pinned
         What the last of the problem's drives hold, behind those of the scene.
+    leads
+        What drives its points, where motions of objects do; the trajectories of the problem are of matter that stays
+        where it begins until `gasp_core.reduction.leading.trajectories_of` has been asked.
     """
 
     problem: PointProblem
@@ -100,34 +68,13 @@ class Assembly:
     colliders: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     pinned: tuple[str, ...] = ()
+    leads: tuple[Lead, ...] = ()
 
     @property
     def drive_names(self) -> list[str]:
         """Of the problem's drives, for messages."""
         own = len(self.problem.drives) - len(self.pinned)
         return [*(f"drive {number}" for number in range(1, own + 1)), *self.pinned]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MovedGaussians:
-    """T^-1 of a body's displaced points.
-
-    Parameters
-    ----------
-    gaussians
-        Means about the block's centre; the harmonics are those at rest, not turned.
-    degenerate : (N,) bool
-        Where a simplex gives no frame.
-    clipped : (N,) bool
-        Where the control rule bounded a stretch.
-    simplices : (N, V, 3) [m]
-        What was inverted, about the block's centre.
-    """
-
-    gaussians: Gaussians
-    degenerate: Array
-    clipped: Array
-    simplices: Array
 
 
 def assemble(
@@ -174,6 +121,7 @@ def assemble(
     bounds: list[Array] = []
     materials: dict[Material, int] = {}
     pins: dict[str, Drive] = {}
+    leads: list[Lead] = []
     start = 0
     for body, ((index, placed), block, motion, choice) in enumerate(zip(moving, blocks, played, choices)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
@@ -198,6 +146,11 @@ def assemble(
         }
         for name, column in own.items():
             columns.setdefault(name, []).append(column)
+        gone = None
+        if drift is not None and drift.played.choice.composition == "driven":
+            gone, led = driven_gaussians(placed), np.flatnonzero(matter.driven)
+            leads.append(Lead(motion=drift, carrier=sample.carrier, rest=block.rest, rows=led, first=start))
+            drift = drift.select(gone)
         bodies.append(
             Body(
                 name=placed.item.name,
@@ -209,7 +162,8 @@ def assemble(
                     *_told(reduction, choice, sample),
                     *matter.notes,
                 ),
-                drift=drift if carried else None,
+                drift=drift if carried or gone is not None else None,
+                driven=gone,
             )
         )
         bounds.append(sample.bounds + block.centre)
@@ -229,6 +183,7 @@ def assemble(
         force_fields=scene.force_fields,
         gravity=scene.gravity,
         domain=scene.domain,
+        trajectories=trajectories_at_rest(leads),
         hints=(GridAnchor(place=(float(x), float(y), float(z))), *surfaces),
     )
     return Assembly(
@@ -239,6 +194,7 @@ def assemble(
         colliders=tuple(colliders),
         notes=notes,
         pinned=tuple(pins),
+        leads=tuple(leads),
     )
 
 
@@ -301,73 +257,3 @@ def _accuracy(
     if accuracy.resolution == "auto":
         accuracy = replace(accuracy, resolution=min(max(round(max(sizes) / spacing), 2), 4096))
     return replace(accuracy, spacing=spacing), notes
-
-
-def moved_simplices(body: Body, displacements: Array, drift: Array | None = None) -> Array:
-    """Simplices (N, V, 3), not magnified, about the block's centre, of points displaced by (P, 3) [m].
-
-    At displacement zero they are those at rest to the last bit, or where they have drifted to by (N, V, 3) [m].
-    """
-    return body.carrier.carry(body.block.rest, displacements, before_physics(body, drift))
-
-
-def before_physics(body: Body, drift: Array | None) -> Array | None:
-    """Where a body's simplices have moved to by themselves, (N, V, 3) [m]; None where they do not."""
-    return None if drift is None else drifted(body.block.rest, drift)
-
-
-def moved_gaussians(
-    body: Body,
-    displacements: Array,
-    maps: MapChoice,
-    *,
-    previous: Gaussians | None = None,
-    drift: Array | None = None,
-) -> MovedGaussians:
-    """Control rule and T^-1 of a body's displaced points.
-
-    Parameters
-    ----------
-    body
-        Whose points.
-    displacements : (P, 3) [m]
-        From the positions at the start, less any common translation.
-    maps
-        Which inverse and which bound.
-    previous
-        Source of the frames of simplices that have none.
-    drift : (N, V, 3) [m]
-        How far the body has moved by itself, as `drifted` takes it.
-    """
-    before = before_physics(body, drift)
-    moved = body.carrier.carry(body.block.rest, displacements, before)
-    return shapes(moved, body.block.local, maps, previous=previous, before=before)
-
-
-def shapes(
-    simplices: Array,
-    reference: Gaussians,
-    maps: MapChoice,
-    *,
-    previous: Gaussians | None = None,
-    before: Array | None = None,
-) -> MovedGaussians:
-    """Control rule and T^-1 of moved simplices (N, V, 3) whose Gaussians at rest are `reference`.
-
-    `before` are those that physics moved where they are not those at rest.
-    """
-    simplices, clipped = control(simplices, reference, maps.alpha, maps.covariance, before, maps.control)
-    # Constant colour has nothing to turn: T^-1 is then about shapes alone.
-    plain = reference.with_(harmonics=reference.harmonics[:, :1])
-    inverted = invert_simplices(simplices, reference=plain, covariance=maps.covariance, previous=previous)
-    return MovedGaussians(
-        gaussians=inverted.gaussians.with_(harmonics=reference.harmonics),
-        degenerate=inverted.degenerate,
-        clipped=clipped,
-        simplices=simplices,
-    )
-
-
-def matter_turns(body: Body, moved: MovedGaussians) -> Array:
-    """How far the matter of each of a body's Gaussians has turned since the start, rotations (N, 3, 3)."""
-    return matter_rotations(moved.simplices, body.block.local, moved.degenerate)

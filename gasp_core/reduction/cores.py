@@ -9,7 +9,7 @@ mass along.) Several levels: cores of cores; the motion comes down level by leve
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -21,7 +21,7 @@ from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.clusters import cluster_apart, scatter
 from gasp_core.reduction.occupancy import cell_volumes
-from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
+from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer, add_normals
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
 
@@ -46,6 +46,30 @@ class Level:
 
     cores: Cores
     transfer: Transfer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fits:
+    """Affine fits, one for each of C cores.
+
+    Parameters
+    ----------
+    centres : (C, 3) [m]
+    means : (C, 3)
+        Of the values.
+    slopes : (C, 3, 3)
+        Of them, along the axes that are known.
+    axes : (C, 3, 3)
+        Principal ones, columns, the shortest first.
+    known : (C, 3) bool
+        Those that the vertices extend along.
+    """
+
+    centres: Array
+    means: Array
+    slopes: Array
+    axes: Array
+    known: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,17 +101,35 @@ class Levels:
 
         Along axes that they do not extend along, L is what keeps right angles to the others right.
         """
-        places, speeds = rest.reshape(-1, 3), velocities.reshape(-1, 3)
+        fits = self._fits(rest, velocities)
+        known, slopes = _spread(fits.axes, fits.known), fits.slopes
+        return self._at_corners(fits, slopes - known @ slopes.transpose(0, 2, 1) @ _spread(fits.axes, ~fits.known))
+
+    def follower(self, rest: Array) -> Callable[[Array], Array]:
+        """See `TransferOperator`: the same fit, and the normal of a flat core goes to the one that it has now."""
+
+        def follow(moves: Array) -> Array:
+            fits = self._fits(rest, moves)
+            add_normals(fits.slopes, fits.axes, np.flatnonzero(fits.known.sum(axis=1) == 2))
+            return self._at_corners(fits, fits.slopes)
+
+        return follow
+
+    def _fits(self, rest: Array, values: Array) -> _Fits:
+        """Of the values (N, V, 3) of vertices at (N, V, 3) [m]."""
+        places, values = rest.reshape(-1, 3), values.reshape(-1, 3)
         owners = np.repeat(self.labels, rest.shape[1])
         counts, centres, covariances = scatter(places, owners, np.ones(len(owners)))
-        means = np.stack([np.bincount(owners, column) / counts for column in speeds.T], axis=1)
-        products = _averages(speeds[:, :, None] * (places - centres[owners])[:, None], owners, np.ones(len(owners)))
-        values, axes = np.linalg.eigh(covariances)
-        known = values > _THIN * values[:, 2:]
-        slopes = products @ _spread(axes, np.where(known, 1 / np.where(known, values, 1.0), 0.0))
-        slopes -= _spread(axes, known) @ slopes.transpose(0, 2, 1) @ _spread(axes, ~known)
-        arms = self.levels[0].cores.points - centres[:, None]
-        return (means[:, None] + np.einsum("cij,cvj->cvi", slopes, arms)).reshape(-1, 3)
+        means = np.stack([np.bincount(owners, column) / counts for column in values.T], axis=1)
+        products = _averages(values[:, :, None] * (places - centres[owners])[:, None], owners, np.ones(len(owners)))
+        extents, axes = np.linalg.eigh(covariances)
+        known = extents > _THIN * extents[:, 2:]
+        slopes = products @ _spread(axes, np.where(known, 1 / np.where(known, extents, 1.0), 0.0))
+        return _Fits(centres=centres, means=means, slopes=slopes, axes=axes, known=known)
+
+    def _at_corners(self, fits: _Fits, slopes: Array) -> Array:
+        arms = self.levels[0].cores.points - fits.centres[:, None]
+        return (fits.means[:, None] + np.einsum("cij,cvj->cvi", slopes, arms)).reshape(-1, 3)
 
     @property
     def labels(self) -> Array:

@@ -44,12 +44,15 @@ class PointMatter:
         That hold parts, by what they hold.
     notes
         Sentences for the user, without their subject: one for each part, and for what varies.
+    driven : (P,) bool
+        What goes where the object's own motion takes it.
     """
 
     materials: tuple[Material, ...]
     rows: Array
     drives: Mapping[str, Drive]
     notes: tuple[str, ...]
+    driven: Array
 
 
 def matter_of_points(
@@ -95,6 +98,7 @@ def matter_of_points(
         rows=renumbered[rows],
         drives=dict(_pins(placed.item, of_points, points, spacing)),
         notes=tuple(notes),
+        driven=np.isin(of_points, [index for index, part in enumerate(parts) if part.driven]),
     )
 
 
@@ -212,7 +216,7 @@ def _materials(material: Material | VaryingMaterial, values: dict[str, Array]) -
 def _told(
     part: Part, index: int, material: Material | VaryingMaterial, gaussians: int, points: int, mass: float
 ) -> str:
-    law, held = law_of(material), ", pinned" if part.pinned else ""
+    law, held = law_of(material), ", pinned" if part.pinned else ", driven" if part.driven else ""
     none = "" if points else ": it is finer than what is simulated, and moves with what is around it"
     return (
         f"{part.called(index)}, {law.name or law.kind}{held}: {gaussians:,} Gaussians, {points:,} points,"

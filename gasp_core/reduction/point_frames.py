@@ -155,27 +155,45 @@ class PointFrames:
     def gather(self, rest: Array, velocities: Array) -> Array:
         """See `TransferOperator`: the affine field that is nearest to them, exact where they are rigid, and what is
         left of those of the surface, which goes on into the body as a harmonic field."""
-        from scipy import sparse
+        return self.follower(rest)(velocities)
+
+    def follower(self, rest: Array) -> Callable[[Array], Array]:
+        """See `TransferOperator`: as `gather` does, and from one frame to the next little is left to be found."""
         from scipy.sparse.linalg import cg
 
         places = np.append(rest.reshape(-1, 3), np.ones((rest.size // 3, 1)), axis=1)
         # Along axes that they do not extend along they tell nothing, and the least is taken.
-        affine = np.linalg.lstsq(places, velocities.reshape(-1, 3), rcond=_THIN)[0]
-        velocities = velocities - (places @ affine).reshape(velocities.shape)
-        whole = np.append(self.points, np.ones((len(self.points), 1)), axis=1) @ affine
+        inverse = np.linalg.pinv(places, rcond=_THIN)
+        ends = np.append(self.points, np.ones((len(self.points), 1)), axis=1)
         count, own = len(self.points), self.leaders
-        held = np.bincount(own, minlength=count).astype(np.float64)
-        means = np.stack([np.bincount(own, column, minlength=count) for column in velocities.mean(axis=1).T], axis=1)
-        rows = np.repeat(np.arange(count), self.neighbours.shape[1])
-        columns = self.neighbours.reshape(-1)
+        held = np.bincount(own, minlength=count).astype(np.float64)[:, None]
+        weight = np.where(held[:, 0] > 0, _HELD, _LOOSE)
+        system = self._links(weight)
+        last: list[Array] = []
+
+        def follow(values: Array) -> Array:
+            affine = inverse @ values.reshape(-1, 3)
+            values = values - (places @ affine).reshape(values.shape)
+            sums = np.stack([np.bincount(own, each, minlength=count) for each in values.mean(axis=1).T], axis=1)
+            targets = np.where(held > 0, sums / np.maximum(held, 1.0), values.mean(axis=(0, 1)))
+            last[:] = [
+                cg(system, weight * column, x0=start, rtol=1e-10)[0]
+                for column, start in zip(targets.T, last or targets.T)
+            ]
+            return ends @ affine + np.stack(last, axis=1)
+
+        return follow
+
+    def _links(self, weight: Array) -> Any:
+        """The graph Laplacian of the points that are connected, (P, P), sparse, and `weight` (P,) on its diagonal."""
+        from scipy import sparse
+
+        count = len(self.points)
+        rows, columns = np.repeat(np.arange(count), self.neighbours.shape[1]), self.neighbours.reshape(-1)
         links = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
         links = links.maximum(links.T)
         degrees = links.sum(axis=1) - links.diagonal()
-        weight = np.where(held > 0, _HELD, _LOOSE)
-        system = sparse.diags_array(degrees + weight) - links + sparse.diags_array(links.diagonal())
-        targets = np.where(held[:, None] > 0, means / np.maximum(held, 1.0)[:, None], velocities.mean(axis=(0, 1)))
-        found = [cg(system, weight * column, x0=column, rtol=1e-10)[0] for column in targets.T]
-        return whole + np.stack(found, axis=1)
+        return sparse.diags_array(degrees + weight) - links + sparse.diags_array(links.diagonal())
 
     @property
     def leaders(self) -> Array:

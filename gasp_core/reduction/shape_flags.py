@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gasp_core.gaussians import Gaussians
 from gasp_core.linalg3 import chunk_count
 from gasp_core.reduction import kernels
-from gasp_core.reduction.assembly import Body, before_physics, shapes
+from gasp_core.reduction.bodies import Body, carried_simplices, shapes
 from gasp_core.scene.settings import MapChoice
 
 __all__ = ["shape_flags"]
@@ -35,15 +35,14 @@ def shape_flags(body: Body, displacements: Array, maps: MapChoice, drift: Array 
         From the positions at the start, less any common translation.
     maps
         Which inverse and which bound.
-    drift : (N, V, 3) [m]
+    drift : `Body.drifting` [m]
         How far the body has moved by itself.
 
     Returns
     -------
     degenerate, clipped : (N,) bool
     """
-    before = before_physics(body, drift)
-    moved = body.carrier.carry(body.block.rest, displacements, before)
+    moved, before = carried_simplices(body, displacements, drift)
     local = body.block.local
     if maps.covariance == "exact" and before is None:
         rows = np.flatnonzero(_in_question(moved, local, maps.alpha))

@@ -16,7 +16,7 @@ from gasp_core.reduction import kernels
 from gasp_core.reduction.morton import along_a_curve
 from gasp_core.stepping.threads import processors
 
-__all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer"]
+__all__ = ["NEIGHBOURS", "Cores", "LeastSquares", "OneFrame", "Transfer", "add_normals"]
 
 Array = NDArray[Any]
 
@@ -85,13 +85,13 @@ class Cores:
         products = np.einsum("cvi,cvj->cij", displacements[rows], offsets) / self.points.shape[1]
         inverses, axes, flat = (known[rows] for known in self._at_rest)
         gradients = products @ inverses
-        _add_normals(gradients, axes, np.flatnonzero(flat))
+        add_normals(gradients, axes, np.flatnonzero(flat))
         one = np.eye(3)[None]
         # The polar rotation of 1 is subtracted, not 1: at displacement zero the difference is zero to the last bit.
         return polar_rotations(one + gradients) - polar_rotations(one)
 
 
-def _add_normals(gradients: Array, axes: Array, rows: Array) -> None:
+def add_normals(gradients: Array, axes: Array, rows: Array) -> None:
     """Let F = 1 + gradients take the normals of flat cores, the first of their principal axes, to those they have now.
 
     Without displacement that adds nothing, to the last bit.

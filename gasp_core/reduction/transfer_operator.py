@@ -7,7 +7,7 @@ material points that fill a volume; tracers ride with whatever carries, and a ri
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -41,6 +41,14 @@ class TransferOperator(Protocol):
 
     def gather(self, rest: Array, velocities: Array) -> Array:
         """Velocities of the points (P, 3) [m/s] of a body whose simplices (N, V, 3) [m] have velocities (N, V, 3)."""
+        ...
+
+    def follower(self, rest: Array) -> Callable[[Array], Array]:
+        """From displacements (N, V, 3) [m] of simplices, at rest (N, V, 3) [m], to those of the points, (P, 3) [m].
+
+        Unlike velocities these may be those of a rotation by any angle. It is made once and asked for every frame, in
+        turn.
+        """
         ...
 
     @property

@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from itertools import pairwise
+from typing import Any, ClassVar, Literal, cast
+
+import numpy as np
 
 from gasp_core.contract.validation import Vector, finite, finite_vector, positive, unit_vector
 from gasp_core.errors import SceneError
@@ -24,12 +27,16 @@ class Motion:
     ----------
     composition
         "carried": psi goes on, and physics carries it along. "frozen": psi stops at `start`, the rest is physics.
+        "driven": psi goes on in the parts of the object that are driven, and drives the rest, which is physics.
     start
         Scene time s0 [s] at which the simulation begins.
     rate
-        Scene time that passes in a second of simulated time; below zero psi runs backwards.
+        Scene time that passes in a second of simulated time; at zero psi stands still, below it runs backwards.
+    schedule
+        Instead of those: pairs of a simulated time, the first 0, and the scene time [s] then. In between it passes
+        evenly, and after the last pair not at all.
     start_velocity
-        Whether physics begins with the velocity that psi has at s0; with "frozen" only, where None is True. A carried
+        Whether physics begins with the velocity that psi has at s0; not with "carried", else None is True. A carried
         psi keeps its velocity: physics must not have it as well.
 
     Raises
@@ -39,22 +46,57 @@ class Motion:
     """
 
     kind: ClassVar[str] = ""
-    composition: Literal["carried", "frozen"] = "carried"
+    composition: Literal["carried", "frozen", "driven"] = "carried"
     start: float = 0.0
     rate: float = 1.0
+    schedule: tuple[tuple[float, float], ...] | None = None
     start_velocity: bool | None = None
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        if self.composition not in ("carried", "frozen"):
-            raise SceneError(f'{name}.composition must be "carried" or "frozen", found {self.composition!r}')
+        if self.composition not in ("carried", "frozen", "driven"):
+            raise SceneError(f'{name}.composition must be "carried", "frozen" or "driven", found {self.composition!r}')
         finite(self, "start")
         finite(self, "rate")
+        if self.schedule is not None:
+            _check_schedule(self)
         if self.composition == "carried" and self.start_velocity is not None:
             raise SceneError(
                 f'{name}.start_velocity has no meaning with composition = "carried", where psi keeps its velocity:'
                 " leave it out"
             )
+
+    def scene_time(self, time: float) -> float:
+        """Scene time [s] at a simulated time [s]."""
+        if self.schedule is None:
+            return self.start + self.rate * time
+        pairs = np.array(self.schedule)
+        return float(np.interp(time, pairs[:, 0], pairs[:, 1]))
+
+    @property
+    def rate_at_start(self) -> float:
+        """Scene time that passes in a second of simulated time when the simulation begins."""
+        if self.schedule is None:
+            return self.rate
+        if len(self.schedule) == 1:
+            return 0.0
+        (begin, first), (end, second) = self.schedule[:2]
+        return (second - first) / (end - begin)
+
+
+def _check_schedule(owner: Motion) -> None:
+    name, given = f"{type(owner).__name__}.schedule", cast("Any", owner.schedule)
+    try:
+        pairs = tuple((float(time), float(scene_time)) for time, scene_time in given)
+    except (TypeError, ValueError):
+        pairs = ()
+    if not pairs or not all(math.isfinite(number) for pair in pairs for number in pair):
+        raise SceneError(f"{name} must be pairs of a simulated time and a scene time [s], found {given!r}")
+    if pairs[0][0] != 0 or any(not one[0] < other[0] for one, other in pairwise(pairs)):
+        raise SceneError(f"{name}: its simulated times must rise from 0, found {[pair[0] for pair in pairs]}")
+    if owner.start != 0 or owner.rate != 1:
+        raise SceneError(f"{name} contradicts start and rate: leave them out, its first pair says where psi starts")
+    object.__setattr__(owner, "schedule", pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

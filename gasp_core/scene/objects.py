@@ -235,6 +235,11 @@ class SplatObject:
             check_rotation(self)
         if self.vertices not in (None, 3, 4, "auto"):
             raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if any(part.driven for part in self.parts) and (self.motion is None or self.motion.composition != "driven"):
+            raise SceneError(
+                f'SplatObject.parts of "{self.name}": one is driven, and nothing drives it: give the object a motion'
+                ' with composition = "driven"'
+            )
         if self.motion is not None:
             _check_motion(self, self.motion)
 
@@ -279,6 +284,8 @@ def columns_of(item: SplatObject) -> list[Column]:
 
 def _check_motion(owner: SplatObject, motion: Motion) -> None:
     where = f'SplatObject.motion of "{owner.name}"'
+    if motion.composition == "driven" and not any(part.driven for part in owner.parts):
+        raise SceneError(f'{where} drives nothing: say driven = true of a part, or another composition than "driven"')
     if owner.static:
         raise SceneError(f"{where} has no meaning with static: leave one of them out")
     if isinstance(motion, FrameSequence) and isinstance(owner.splat, Gaussians):

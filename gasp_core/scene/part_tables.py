@@ -13,7 +13,7 @@ from gasp_core.scene.tables import Table, kind_of
 
 __all__ = ["read_part"]
 
-_PART = ("name", "region", "component", "labels", "label", "material", "pinned", "rigid")
+_PART = ("name", "region", "component", "labels", "label", "material", "pinned", "rigid", "driven")
 
 
 def read_part(table: Table, folder: Path | None) -> Part:
@@ -21,6 +21,7 @@ def read_part(table: Table, folder: Path | None) -> Part:
     table.only(*_PART)
     values: dict[str, Any] = {"name": table.text("name", ""), "pinned": table.flag("pinned")}
     values["rigid"] = table.flag("rigid")
+    values["driven"] = table.flag("driven")
     if table.has("component"):
         values["component"] = _whole(table, "component", table.values["component"])
     if table.has("labels"):

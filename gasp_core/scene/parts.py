@@ -19,7 +19,8 @@ _LONGEST_NAME = 200
 class Part:
     """Some Gaussians of an object, and what is theirs alone. The body stays one: nothing tears where parts meet.
 
-    One of `region`, `component` and `labels` says which Gaussians; `material`, `pinned` or `rigid`, what of them.
+    One of `region`, `component` and `labels` says which Gaussians; `material`, `pinned`, `rigid`
+    or `driven`, what of them.
 
     Parameters
     ----------
@@ -39,6 +40,8 @@ class Part:
         Its matter stands still.
     rigid
         Its matter moves as a rigid body, of the density that the object has.
+    driven
+        Its matter goes where the object's motion takes it, whose composition is "driven".
 
     Raises
     ------
@@ -54,6 +57,7 @@ class Part:
     material: Material | VaryingMaterial | None = None
     pinned: bool = False
     rigid: bool = False
+    driven: bool = False
 
     def __post_init__(self) -> None:
         if self.name and (not self.name.isprintable() or len(self.name) > _LONGEST_NAME):
@@ -72,11 +76,16 @@ class Part:
             if not wanted or any(type(each) is not int for each in wanted):
                 raise SceneError(f"Part.label must be a whole number, or an array of them, found {given!r}")
             object.__setattr__(self, "label", wanted[0] if len(wanted) == 1 else wanted)
-        if self.material is None and not self.pinned and not self.rigid:
-            raise SceneError("Part wants a material, pinned = true or rigid = true: it would be as all the rest is")
+        if self.material is None and not (self.pinned or self.rigid or self.driven):
+            raise SceneError(
+                "Part wants a material, pinned = true, rigid = true or driven = true: it would be as all the rest is"
+            )
         if self.rigid and (self.material is not None or self.pinned):
             other = "pinned, which stands still" if self.pinned else 'material (model = "rigid" has a density)'
             raise SceneError(f"Part.rigid contradicts {other}: leave one of them out")
+        if self.driven and (self.pinned or self.rigid):
+            other = "pinned" if self.pinned else "rigid"
+            raise SceneError(f"Part.driven contradicts {other}: leave one of them out")
 
     def called(self, number: int) -> str:
         """Its name in messages; `number` is its place among the parts, from 0 on."""

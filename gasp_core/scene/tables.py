@@ -252,6 +252,8 @@ def _arm_name(arm: Any) -> str:
         return _listed(typing.get_args(arm))
     if isinstance(arm, type) and issubclass(arm, Enum):
         return _listed(member.value for member in arm)
+    if origin is tuple and Ellipsis in typing.get_args(arm):
+        return "an array"
     if origin is tuple:
         return f"an array of {len(typing.get_args(arm))} numbers"
     return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(arm, "a table")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import dataclasses
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -24,12 +25,14 @@ from gasp_core.contract.options import build_options
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import RecordingError, SceneError
 from gasp_core.processes.scratch import Scratch
-from gasp_core.progress import Shown, progress_for
+from gasp_core.progress import Progress, Shown, progress_for
 from gasp_core.recording import Recording
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
-from gasp_core.reduction.assembly import Assembly, Body
+from gasp_core.reduction.assembly import Assembly
+from gasp_core.reduction.bodies import Body
+from gasp_core.reduction.leading import trajectories_of
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
@@ -171,6 +174,8 @@ def simulate_part(
         header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
         for note in header.notes:
             shown.say(note)
+        if prepared.assembly.leads:
+            prepared = _with_trajectories(scene, prepared, shown)
         if found is not None:
             refuse_other(found, header, chosen.descriptor, options)
             writer, last, restart = RecordingWriter.resume(found, wanted)
@@ -192,6 +197,16 @@ def simulate_part(
             finally:
                 writer.close()
     return Recording.open(path)
+
+
+def _with_trajectories(scene: Scene, prepared: Prepared, shown: Progress) -> Prepared:
+    """With where the motions of its objects drive the points."""
+    assembly = prepared.assembly
+    trajectories = trajectories_of(
+        scene, assembly.leads, lambda frame, last: shown.enter(f"where matter is driven, frame {frame} of {last}")
+    )
+    problem = dataclasses.replace(assembly.problem, trajectories=trajectories)
+    return dataclasses.replace(prepared, assembly=dataclasses.replace(assembly, problem=problem))
 
 
 def _carriers_of(found: Recording) -> dict[str, TransferOperator]:
@@ -257,7 +272,9 @@ def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overw
         moving=np.concatenate([placed.moving for placed in prepared.objects]),
         points=prepared.assembly.problem.points.reference_positions,
         carriers=[_kept(body) for body in prepared.assembly.bodies],
-        drifting=sum(body.block.rest.size // 3 for body in prepared.assembly.bodies if drift_is_recorded(body)),
+        drifting=sum(
+            body.drifting[0] * body.drifting[1] for body in prepared.assembly.bodies if drift_is_recorded(body)
+        ),
         frames_wanted=scene.frame_count,
         velocities=scene.recording.velocities,
         overwrite=overwrite,
@@ -269,6 +286,8 @@ def _kept(body: Body) -> dict[str, Array]:
     kept = dict(body.carrier.arrays())
     if body.drift is not None and body.drift.has_formula:
         kept["unmoved"] = body.drift.unmoved
+    if body.driven is not None:
+        kept["driven"] = body.driven
     return kept
 
 

@@ -26,7 +26,8 @@ from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError,
 from gasp_core.progress import Progress
 from gasp_core.recording import Recording
 from gasp_core.recording.writer import RecordingWriter
-from gasp_core.reduction.assembly import Assembly, Body
+from gasp_core.reduction.assembly import Assembly
+from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.shape_flags import shape_flags
 from gasp_core.scene.model import Scene
 from gasp_core.scene.settings import MapChoice, RecordingChoice

@@ -15,29 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import (
-    Collider,
-    Drive,
-    Driven,
     Elastic,
     Fluid,
-    ForceField,
-    Impulse,
     Material,
     Metal,
     NeoHookean,
-    Pinned,
     PointProblem,
     PointState,
     Status,
-    Wind,
 )
-from gasp_core.stepping.rigid_motion import pose_of, starts_of
+from gasp_core.simulation.driving import drive_speed, work_starts
 
 __all__ = [
     "FASTER_THAN_SOUND",
     "Verdict",
     "Watch",
-    "drive_speed",
     "excess_displacement",
     "flattened",
     "inspect",
@@ -49,7 +41,6 @@ __all__ = [
     "stretched_out",
     "thickness",
     "watch_over",
-    "work_starts",
 ]
 
 Array = NDArray[Any]
@@ -152,13 +143,20 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
     return Watch(
         problem=problem,
         masses=masses,
-        elastic=np.isin(points.material_ids, elastic_ids),
+        elastic=_judged(problem, np.isin(points.material_ids, elastic_ids)),
         thicknesses=thicknesses,
         kinetic_energy=kinetic_energy(masses, points.initial_velocities),
         diagonal=diagonal,
         frame_step=frame_step,
-        work_start=work_starts(problem.drives, problem.force_fields, problem.colliders),
+        work_start=work_starts(problem),
     )
+
+
+def _judged(problem: PointProblem, elastic: Array) -> Array:
+    """Those of the elastic points (N,) whose deformation is the engine's: what is led deforms as somebody wants it."""
+    if problem.trajectories is not None:
+        elastic[problem.trajectories.rows] = False
+    return elastic
 
 
 def non_finite_rows(*arrays: Array | None) -> Array:
@@ -179,44 +177,6 @@ def kinetic_energy(masses: Array, velocities: Array) -> float:
 def released_potential(masses: Array, gravity: Sequence[float], displacements: Array) -> float:
     """Work of gravity [J] on points displaced by (N, 3) [m] from the start; negative where they rose."""
     return float((masses @ displacements) @ np.asarray(gravity))
-
-
-def work_starts(
-    drives: Sequence[Drive], force_fields: Sequence[ForceField], colliders: Sequence[Collider] = ()
-) -> float:
-    """Time [s] from which a drive, a wind or a collider does work on the matter; inf if none ever does.
-
-    A pinned region and still colliders do none. What the others put in, the engine alone knows, and part of it stays
-    behind as elastic energy when they end: so the energy check is off from their start for good.
-    """
-    starts = [drive.start for drive in drives if not isinstance(drive, Pinned)]
-    starts += [field.start for field in force_fields]
-    starts += [starts_of(collider.motion) for collider in colliders if collider.motion is not None]
-    return min(starts, default=math.inf)
-
-
-def drive_speed(problem: PointProblem, time: float, step: float, reach: float) -> float:
-    """Largest speed [m/s] that drives, winds and colliders that act within the frame before `time` give the matter.
-
-    `reach` [m] is how far matter may be from a centre of rotation. An impulse gives any: inf.
-    """
-    speed = 0.0
-    for event in [*problem.drives, *problem.force_fields]:
-        begins, ends = event.start, event.end
-        if isinstance(event, Impulse):
-            if time - step <= begins <= time:
-                return math.inf
-        elif begins <= time and ends >= time - step:
-            if isinstance(event, Driven):
-                speed = max(speed, math.hypot(*event.velocity) + math.hypot(*event.angular_velocity) * reach)
-            elif isinstance(event, Wind):
-                speed = max(speed, math.hypot(*event.velocity))
-    for collider in problem.colliders:
-        if collider.motion is not None:
-            for moment in (time - step, time):
-                pose = pose_of(collider.motion, moment)
-                speed = max(speed, math.hypot(*pose.velocity) + math.hypot(*pose.angular_velocity) * reach)
-    return speed
 
 
 def excess_displacement(before: PointState, now: PointState, gravity: Sequence[float], speed: float) -> Array:

@@ -15,7 +15,7 @@ from gasp_core.contract.options import chosen_options
 from gasp_core.games import FLATNESS, flatten
 from gasp_core.recording.layout import BodyEntry, EngineRecord, Header, ObjectEntry
 from gasp_core.recording.map_record import map_record
-from gasp_core.reduction.assembly import Body
+from gasp_core.reduction.bodies import Body
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.file_shapes import known_by_content
 from gasp_core.scene.model import Scene

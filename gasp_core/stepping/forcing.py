@@ -89,15 +89,16 @@ def walls_of(collider: Collider) -> Sequence[Collider]:
 def problem_fingerprint(problem: PointProblem) -> str:
     """SHA-256 of all that a problem says, to the last bit, but for its hints: what a checkpoint may be known by."""
     digest = hashlib.sha256()
-    for field in dataclasses.fields(problem.points):
-        value = getattr(problem.points, field.name)
-        columns = sorted(value.items()) if isinstance(value, dict) else [(field.name, value)]
-        for name, array in columns:
-            if array is not None:
-                digest.update(f"{field.name} {name} {array.dtype.str} {array.shape};".encode())
-                digest.update(np.ascontiguousarray(array).tobytes())
+    for arrays in (problem.points, problem.trajectories):
+        for field in () if arrays is None else dataclasses.fields(arrays):
+            value = getattr(arrays, field.name)
+            columns = sorted(value.items()) if isinstance(value, dict) else [(field.name, value)]
+            for name, array in columns:
+                if array is not None:
+                    digest.update(f"{field.name} {name} {array.dtype.str} {array.shape};".encode())
+                    digest.update(np.ascontiguousarray(array).tobytes())
     for field in dataclasses.fields(problem):
-        if field.name not in ("points", "hints"):
+        if field.name not in ("points", "trajectories", "hints"):
             # Frozen dataclasses of numbers, whose repr has every digit.
             digest.update(f"{field.name} {getattr(problem, field.name)!r};".encode())
     return digest.hexdigest()

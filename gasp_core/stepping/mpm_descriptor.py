@@ -67,6 +67,7 @@ def mpm_descriptor(
             restitution=True,
             material_damping=True,
             cohesion=True,
+            trajectories=True,
             drives=frozenset({Pinned, Driven, Impulse}),
             force_fields=frozenset({Wind}),
             output_fields=frozenset(Field),

@@ -109,7 +109,8 @@ class SteppedSession(ABC, Generic[Held]):
         self._accuracy = accuracy
         self._time = time
         self._notes = tuple(notes)
-        self._events = event_times(problem.drives, problem.force_fields)
+        moments = [] if problem.trajectories is None else problem.trajectories.times
+        self._events = np.union1d(event_times(problem.drives, problem.force_fields), moments)
         self._steps: list[tuple[int, float]] = []
         elastic = [not is_flowing(material) for material in problem.materials]
         self._elastic_count = int(np.array(elastic, dtype=np.bool_)[problem.points.material_ids].sum())

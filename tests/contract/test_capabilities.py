@@ -34,6 +34,7 @@ from gasp_core.contract import (
     Sand,
     SphereShape,
     SteadyMotion,
+    Trajectories,
     Wind,
     device_class,
     device_index,
@@ -54,6 +55,7 @@ EVERYTHING = EngineCapabilities(
     moving_colliders=True,
     restitution=True,
     material_damping=True,
+    trajectories=True,
     cohesion=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
@@ -114,6 +116,7 @@ FULL = problem(
     domain=Domain(lower=(0, 0, 0), upper=(1, 1, 1), policy=DomainPolicy.CLAMP),
     body_contact=BodyContact(friction=0.7),
     pair_contacts={(0, 1): BodyContact(contact=ContactCondition.STICK)},
+    trajectories=Trajectories(rows=[0], times=[0.0], displacements=np.zeros((1, 1, 3))),
 )
 ASKED = {
     "device": "cuda",
@@ -130,6 +133,7 @@ LESS = {
     "knows no colliders that move (collider 2)": {"moving_colliders": False},
     'has no restitution of rigid bodies (object "bear")': {"restitution": False},
     'damps no elastic (object "bear")': {"material_damping": False},
+    "leads no points along trajectories": {"trajectories": False},
     'has no cohesion of sand (object "bucket")': {"cohesion": False},
     'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},
     'knows no force field "wind" (force field 1)': {"force_fields": frozenset()},

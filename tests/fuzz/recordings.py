@@ -7,6 +7,7 @@ whether it was forged. What was only damaged must not give a Gaussian that is no
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import io
 import itertools
@@ -259,6 +260,9 @@ def _scene(name: str) -> Any:
         EngineAccuracy,
         EngineChoice,
         Gaussians,
+        HalfSpace,
+        Part,
+        PythonMotion,
         RecordingChoice,
         Reduction,
         Scene,
@@ -274,8 +278,13 @@ def _scene(name: str) -> Any:
         opacities=rng.uniform(0.2, 1, size=30),
         harmonics=rng.normal(size=(30, (degree + 1) ** 2, 3)).astype(np.float32),
     )
-    reductions = {"cores": Reduction(mode="cores", count=8), "all": Reduction(mode="all")}
-    reduction = reductions.get(name.partition("_")[0])
+    kind, own = name.partition("_")[0], dict[str, Any]()
+    every = Reduction(mode="all")
+    reductions = {"cores": Reduction(mode="cores", count=8), "all": every, "driven": every}
+    reduction = reductions.get(kind)
+    if kind == "driven":
+        own["motion"] = PythonMotion(function=_old_scenes().sway, composition="driven")
+        own["parts"] = (Part(region=HalfSpace(point=(0, 0, 0), normal=(1, 0, 0)), driven=True),)
     if reduction is None:
         splat, reduction = _ball(rng), Reduction(mode="volume")
     return Scene(
@@ -287,6 +296,7 @@ def _scene(name: str) -> Any:
                 splat=splat,
                 material=Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3),
                 reduction=reduction,
+                **own,
             ),
         ),
         engine=EngineChoice(name="ballistic", options={"spin": 3.0}),
@@ -322,7 +332,10 @@ def _run(scene: Any, path: Path, **others: Any) -> Any:
 
     from gasp_core import simulate
 
-    engine: Any = (flying_points.descriptor(), flying_points.Ballistic())
+    described = flying_points.descriptor()
+    # It leads nothing, and what is recorded of what is led is what is tried.
+    able = dataclasses.replace(described.capabilities, trajectories=True)
+    engine: Any = (dataclasses.replace(described, capabilities=able), flying_points.Ballistic())
     return simulate(scene, engine=engine, out=path, progress=False, trust_code=True, **others)
 
 
@@ -338,13 +351,13 @@ def recording_seeds() -> list[RecordingSeed]:
     """Carried in every way, finished and cut short, and those that earlier versions wrote."""
     seeds: list[RecordingSeed] = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind, ending in itertools.product(("cores", "all", "volume"), ("whole", "cut")):
+        for kind, ending in itertools.product(("cores", "all", "volume", "driven"), ("whole", "cut")):
             name, frames = f"{kind}_{ending}", 4 if ending == "cut" else None
             path = Path(folder) / f"{name}.gasp"
             _run(_scene(name), path, frames=frames)
             parts = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
             seeds.append(RecordingSeed(name=f"{name}.zip", parts=parts))
-    for version in (1, 3, 5):
+    for version in (1, 3, 5, 6):
         with zipfile.ZipFile(KEPT / f"version_{version}.zip") as packed:
             parts = {
                 key.partition("/")[2]: packed.read(key)

@@ -167,7 +167,7 @@ def contents(
     return fields
 
 
-OF_MOTIONS = frozenset({"composition", "start", "rate", "start_velocity"})
+OF_MOTIONS = frozenset({"composition", "start", "rate", "schedule", "start_velocity"})
 OF_FRAMES = frozenset({"frame_rate", "match"})
 CENTER, FILE, KIND = frozenset({"center"}), {"file": None}, {"kind": None}
 OF_PLACES = frozenset({"file", "height", "metres_per_unit", "position", "rotation"})
@@ -266,7 +266,7 @@ def test_tables_in_words_name_their_keys(heading, opening, kind):
 
 def test_motions_that_are_formulas_have_their_keys():
     (table,) = [table for table in tables_of(section("`[object.motion]`")) if table[0] == ["kind", "keys", "psi"]]
-    shared = {"composition", "start", "rate", "start_velocity", "phase"}
+    shared = {"composition", "start", "rate", "schedule", "start_velocity", "phase"}
     before: set[str] = set()
     for row in table[1:]:
         keys = set(names_in(row[1])) | (before if row[1].startswith("those") else set())

@@ -200,13 +200,13 @@ def test_a_frame_that_was_swapped_with_another_is_damaged(copy):
             Recording.open(path).gaussians(frame)
 
 
-@pytest.mark.parametrize("version", ["4", "5"])
+@pytest.mark.parametrize("version", ["4", "5", "6"])
 def test_a_version_that_damage_made_an_earlier_one_does_not_do_away_with_checksums(copy, version):
     path = copy()
     header = path / "zarr.json"
     content = header.read_bytes()
-    assert content.count(b'"version": 6') == 1
-    header.write_bytes(content.replace(b'"version": 6', b'"version": ' + version.encode()))
+    assert content.count(b'"version": 7') == 1
+    header.write_bytes(content.replace(b'"version": 7', b'"version": ' + version.encode()))
     with pytest.raises(RecordingError, match=r"zarr\.json is damaged: its checksum is another"):
         Recording.open(path)
 

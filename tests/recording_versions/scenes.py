@@ -101,5 +101,6 @@ def _maps(version: int) -> MapChoice:
         3: MapChoice(alpha=math.inf),
         4: MapChoice(alpha=1.05, covariance="gram_schmidt"),
         5: MapChoice(alpha=math.inf, covariance="gram_schmidt"),
+        6: MapChoice(alpha=1.05, covariance="gram_schmidt", control="as_printed"),
     }
     return chosen.get(version, MapChoice())

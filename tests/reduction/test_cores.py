@@ -9,7 +9,8 @@ from gasp_core import Elastic, EngineAccuracy, MapChoice, Reduction, Scene, Spla
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.all_vertices import block_of
-from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
+from gasp_core.reduction.assembly import assemble
+from gasp_core.reduction.bodies import moved_gaussians, moved_simplices
 from gasp_core.reduction.clusters import cluster
 from gasp_core.reduction.cores import Level, Levels, sample_cores
 from gasp_core.reduction.transfer import NEIGHBOURS, Cores, LeastSquares, OneFrame

@@ -11,7 +11,8 @@ from gasp_core import Elastic, EngineAccuracy, Fluid, MapChoice, Reduction, Scen
 from gasp_core.errors import SceneError
 from gasp_core.games import to_simplices
 from gasp_core.reduction.all_vertices import rigid_velocities
-from gasp_core.reduction.assembly import assemble, moved_gaussians, moved_simplices
+from gasp_core.reduction.assembly import assemble
+from gasp_core.reduction.bodies import moved_gaussians, moved_simplices
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.scene.selection import place_object
 from gasp_core.stepping.grid import grid_node

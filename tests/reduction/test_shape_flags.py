@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gasp_core import Gaussians, MapChoice
 from gasp_core.reduction.all_vertices import block_of, sample_all
-from gasp_core.reduction.assembly import Body, moved_gaussians
+from gasp_core.reduction.bodies import Body, moved_gaussians
 from gasp_core.reduction.shape_flags import shape_flags
 
 

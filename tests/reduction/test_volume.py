@@ -11,7 +11,8 @@ from splat_shells import SHAPES, discs, shell
 from gasp_core import Elastic, EngineAccuracy, Gaussians, Reduction, Scene, SplatObject
 from gasp_core.contract import BoxShape, HalfSpace
 from gasp_core.errors import SceneError
-from gasp_core.reduction.assembly import assemble, moved_simplices
+from gasp_core.reduction.assembly import assemble
+from gasp_core.reduction.bodies import moved_simplices
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.volume import fill
 from gasp_core.scene.selection import place_object

@@ -9,7 +9,7 @@ import pytest
 from gasp_core import Elastic, MapChoice, Scene, SplatObject, simulate
 from gasp_core.accuracy.images import psnr
 from gasp_core.gaussians import rotation_matrices
-from gasp_core.reduction.assembly import matter_turns, moved_gaussians
+from gasp_core.reduction.bodies import matter_turns, moved_gaussians
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera_files import placed
 from gasp_core.rendering.footage import open_footage

@@ -194,7 +194,7 @@ REFUSED = {
     "part with two": (parted("component = 1, labels = 'labels.npy', label = 1, pinned = true"), ["one of region"]),
     "part that is nothing": (
         parted("component = 1"),
-        ["object[0].part[0]", "a material, pinned = true or rigid = true"],
+        ["object[0].part[0]", "a material, pinned = true, rigid = true or driven = true"],
     ),
     "labels without a label": (parted("labels = 'labels.npy', pinned = true"), ["object[0].part[0].labels", "label"]),
     "label without labels": (parted("component = 1, label = 1, pinned = true"), ["part[0].labels", "go together"]),

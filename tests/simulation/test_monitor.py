@@ -8,9 +8,9 @@ import pytest
 
 from gasp_core import Driven, Elastic, Fluid, Impulse, Pinned, SphereShape, Wind
 from gasp_core.contract import PointCloud, PointProblem, PointState, Rigid, Sand, Status
+from gasp_core.simulation.driving import drive_speed, work_starts
 from gasp_core.simulation.monitor import (
     FASTER_THAN_SOUND,
-    drive_speed,
     excess_displacement,
     flattened,
     inspect,
@@ -21,7 +21,6 @@ from gasp_core.simulation.monitor import (
     sound_speed,
     stretched_out,
     watch_over,
-    work_starts,
 )
 
 JELLY = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
@@ -124,8 +123,8 @@ def test_rounding_of_matter_at_rest_is_no_energy():
     ],
 )
 def test_energy_is_not_minded_once_something_does_work(drives, fields, start):
-    assert work_starts(drives, fields) == start
     case = problem(velocity=(1, 0, 0), drives=drives, fields=fields)
+    assert work_starts(case) == start
     for time in (0.2, 1.0):
         before, now = flown(case, time - STEP), flown(case, time)
         found = verdict(case, before, changed(now, velocities=now.velocities * 2))

@@ -10,7 +10,7 @@ from gasp_core.contract import EngineAccuracy, Field, Precision
 from gasp_core.discovery.registry import discover
 from gasp_core.engines.opening import open_engine
 from gasp_core.harmonics import turn_coefficients
-from gasp_core.reduction.assembly import moved_gaussians
+from gasp_core.reduction.bodies import moved_gaussians
 from gasp_core.scene.placement import upright
 from gasp_core.simulation.splat_sources import prepare
 

@@ -615,6 +615,43 @@ class SandAlwaysDry(Mutant):
         return _with_sand(problem, cohesion=0.0)
 
 
+@mutant("nobody-is-led", {"trajectories": "distance at the moments"})
+class NobodyIsLed(Mutant):
+    """Led points move like any other."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, trajectories=None)
+
+
+@mutant("led-in-straight-lines", {"trajectories": "distance between moments"})
+class LedInStraightLines(Mutant):
+    """Between moments led points go straight."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        led = problem.trajectories
+        if led is None:
+            return problem
+        times = np.unique(np.concatenate([led.times, *(led.times[1:] - share * np.diff(led.times) for share in _FINE)]))
+        moves = led.displacements.reshape(len(led.times), -1)
+        straight = np.stack([np.interp(times, led.times, column) for column in moves.T], axis=1)
+        moves = straight.reshape(len(times), len(led.rows), 3)
+        return replace(problem, trajectories=replace(led, times=times, displacements=moves))
+
+
+@mutant("led-without-what-hangs-on-them", {"trajectories": "difference from one that weighs"})
+class LedWithoutWhatHangsOnThem(Mutant):
+    """What hangs on led points is taken along by half."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        led = problem.trajectories
+        if led is None or len(led) == len(problem.points):
+            return problem
+        return replace(problem, trajectories=replace(led, displacements=led.displacements / 2))
+
+
+_FINE = np.linspace(0.1, 0.9, 9)
+
+
 @mutant("friction-a-little-off", {"V12": "way error"}, slow=["V12"])
 class FrictionALittleOff(Mutant):
     """Friction is 5 % too strong."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState
+from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState, Trajectories
+from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import HELD_TOGETHER
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
 from gasp_core.stepping.rigid.grid_nodes import GridNodes
@@ -64,6 +65,9 @@ class RigidSide:
         bodies = rigid_bodies_of(problem)
         if bodies is None:
             return None
+        led = problem.trajectories
+        if led is not None and np.isin(problem.points.body_ids[led.rows], bodies.bodies).any():
+            raise SceneError("rigid bodies cannot be led along trajectories, not in part either: make them soft")
         # Only where it is needed: what it imports takes half a second.
         from gasp_core.stepping.rigid.world import RigidWorld
 
@@ -168,6 +172,12 @@ class RigidSide:
         return found
 
 
+def _led_of(problem: PointProblem, rows: Array) -> Trajectories | None:
+    """The trajectories of a problem with other numbers of its points, those of `rows` (N',)."""
+    led = problem.trajectories
+    return None if led is None else replace(led, rows=np.searchsorted(rows, led.rows))
+
+
 def _part(problem: PointProblem, rows: Array, traced: Array) -> PointProblem:
     """The problem of the points `rows` (N',) and the tracers `traced` (M,) of bool, its bodies counted anew."""
     points = problem.points
@@ -191,6 +201,7 @@ def _part(problem: PointProblem, rows: Array, traced: Array) -> PointProblem:
     return replace(
         problem,
         points=cloud,
+        trajectories=_led_of(problem, rows),
         materials=tuple(problem.materials[row] for row in used),
         pair_contacts=pairs,
     )

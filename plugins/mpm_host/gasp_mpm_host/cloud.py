@@ -264,6 +264,16 @@ class SortedCloud(ABC):
         x, y, z = (nodes + self._stands[bodies] - found.lower).T
         return (x * found.shape[1] + y) * found.shape[2] + z
 
+    def rows_of_points(self, points: Array) -> Array:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        places = np.empty(self._count, dtype=np.int64)
+        places[self._ids] = np.arange(self._count)
+        return places[points]
+
+    def _standing_cells(self, rows: Array, cells: Array) -> Array:
+        """Places (K, 3) in the scene of points in rows (K,), where the grid has them."""
+        return cells + self._stands[self._bodies[self._ids[rows]]] if self._stands.any() else cells
+
     def all_cells(self) -> Array:
         """See `gasp_mpm_host.stages.StagedCloud`."""
         cells = self._cell_rows()

@@ -16,6 +16,8 @@ from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, Poi
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import drives_at, force_fields_at
+from gasp_core.stepping.led_nodes import LedGrid
+from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
@@ -23,9 +25,11 @@ from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_o
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
+from gasp_mpm_host.led_steps import LedSteps
+from gasp_mpm_host.rigid_steps import RigidSteps
 from gasp_mpm_host.rows import Survey
 from gasp_mpm_host.scaling import Units
-from gasp_mpm_host.stages import RigidSteps, StagedCloud
+from gasp_mpm_host.stages import InterruptedSteps, Intervention, StagedCloud
 
 __all__ = ["FarAwayError", "MpmSession", "SteppedCloud", "opened"]
 
@@ -190,7 +194,14 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if domain is not None and domain.policy is DomainPolicy.CLAMP:
             cloud.set_walls(np.array(domain.lower), np.array(domain.upper))
         super().__init__(problem, cloud, engine=engine, accuracy=accuracy, time=time)
-        self._rigid_steps = None if rigid is None else RigidSteps(cast("StagedCloud", cloud), rigid)
+        self._led = LedPoints.of(problem)
+        staged, interventions = cast("StagedCloud", cloud), list[Intervention]()
+        if self._led is not None:
+            grid = LedGrid.of(problem, self._led, units.spacing, units.anchor)
+            interventions.append(LedSteps(staged, grid, problem))
+        if rigid is not None:
+            interventions.append(RigidSteps(staged, rigid))
+        self._interrupted = InterruptedSteps(staged, interventions) if interventions else None
         self._several = bool(problem.points.body_ids.any())
         self._clamped = False
         self._inverted = 0
@@ -218,8 +229,9 @@ class MpmSession(SteppedSession[SteppedCloud]):
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
         taking = min(count, max(1, reach))
         # The last batch lands on the very number that was asked for, not on a sum of steps.
-        if self._several and self._survey.drift > _DRIFT_BEFORE:
-            # Now rather than on the way: what is known of contact lasts from look to look, unless points are sorted.
+        if (self._several or self._led is not None) and self._survey.drift > _DRIFT_BEFORE:
+            # Now rather than on the way: what is known of contact lasts from look to look, unless points are sorted,
+            # and where a point is led nobody looks how far from home that is.
             self._sort(self.held())
         looks = limits.steps_between_looks(self._units.spacing, step)
         self._take(taking, step, landing if taking == count else None, looks)
@@ -235,9 +247,10 @@ class MpmSession(SteppedSession[SteppedCloud]):
         driven = driven_speed(self._problem.drives, self._time, low, high)
         walls = wall_speed(self._problem.colliders, self._time, low, high) if self._walls_move else 0.0
         rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
+        led = 0.0 if self._led is None else self._led.fastest(self._time)
         return MotionLimits(
             stress=survey.stress,
-            speed=max(survey.speed, driven, walls, rigid),
+            speed=max(survey.speed, driven, walls, rigid, led),
             velocity_gradient=survey.velocity_gradient,
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
@@ -259,9 +272,9 @@ class MpmSession(SteppedSession[SteppedCloud]):
             looks,
         )
         stepper = cloud
-        if self._rigid_steps is not None:
-            self._rigid_steps.begin_batch(begin, step)
-            stepper = self._rigid_steps
+        if self._interrupted is not None:
+            self._interrupted.begin_batch(begin, step, count)
+            stepper = self._interrupted
         done = 0
         while done < count:
             taken, drifted, clamped = stepper.steps(done, count)

@@ -1,22 +1,18 @@
-"""Steps in three parts, between which the host has a word: for bodies that the grid does not know."""
+"""Steps in three parts, between which the host has a word: for what the grid does not know."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.stepping.rigid.side import RigidSide
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["RigidSteps", "Stage", "StagedCloud"]
+__all__ = ["InterruptedSteps", "Intervention", "Stage", "StagedCloud"]
 
 Array = NDArray[Any]
-
-_AROUND = 4.0
-"""In cells: points so much farther away than the bodies do not meet them before a batch is over."""
 
 
 class Stage(Enum):
@@ -38,7 +34,7 @@ class Stage(Enum):
 
 
 class StagedCloud(Protocol):
-    """What a `gasp_mpm_host.session.SteppedCloud` can do besides, for `RigidSteps`."""
+    """What a `gasp_mpm_host.session.SteppedCloud` can do besides, for `InterruptedSteps`."""
 
     units: Units
 
@@ -62,8 +58,16 @@ class StagedCloud(Protocol):
         """Nodes in rows (K,) of the grid: (K, 4) in the engine's units."""
         ...
 
+    def put_nodes(self, rows: Array, nodes: Array) -> None:
+        """Give nodes in rows (K,) momenta and masses (K, 4) in the engine's units, before the update."""
+        ...
+
     def put_velocities(self, rows: Array, velocities: Array) -> None:
         """Give nodes in rows (K,) velocities (K, 3), also where tracers read them."""
+        ...
+
+    def rows_of_points(self, points: Array) -> Array:
+        """Where points (K,) of the scene are in the engine's own order, (K,)."""
         ...
 
     def all_cells(self) -> Array:
@@ -78,77 +82,77 @@ class StagedCloud(Protocol):
         """Of points in rows (K,): places (K, 3) in the scene, in cells, and velocities (K, 3)."""
         ...
 
+    def put_points(self, rows: Array, cells: Array, velocities: Array) -> None:
+        """Put points in rows (K,) at places (K, 3) in the scene, in cells, with velocities (K, 3)."""
+        ...
+
     def nudge(self, rows: Array, change: Array, step: float) -> None:
         """Change the velocities of points in rows (K,) by (K, 3), as if it had been so during the last step."""
         ...
 
 
-class RigidSteps:
-    """Steps of a cloud and of the rigid bodies beside it.
+class Intervention(Protocol):
+    """What the host does between the parts of steps."""
+
+    def begin_batch(self, begin: float, step: float, count: int) -> None:
+        """The next `count` steps of `step` [s] begin at `begin` [s]."""
+        ...
+
+    def begin_steps(self, index: int) -> None:
+        """Before step `index` of the batch, which is the first, or the points have been sorted anew."""
+        ...
+
+    def before_update(self, index: int) -> None:
+        """The nodes hold momenta and masses."""
+        ...
+
+    def after_update(self, index: int) -> None:
+        """They hold velocities."""
+        ...
+
+    def after_move(self, index: int) -> None:
+        """The points have moved."""
+        ...
+
+
+class InterruptedSteps:
+    """Steps of a cloud in which others have a word, in the order given.
 
     Parameters
     ----------
     cloud
-        Of what is not rigid.
-    side
-        The rigid bodies.
+        What the engine steps.
+    interventions
+        At least one.
     """
 
-    def __init__(self, cloud: StagedCloud, side: RigidSide) -> None:
-        self._cloud, self._side = cloud, side
-        self._begin, self._step = 0.0, 0.0
+    def __init__(self, cloud: StagedCloud, interventions: Sequence[Intervention]) -> None:
+        self._cloud, self._interventions = cloud, tuple(interventions)
 
-    def begin_batch(self, begin: float, step: float) -> None:
-        """The next steps of `step` [s] begin at `begin` [s]."""
-        self._begin, self._step = begin, step
+    def begin_batch(self, begin: float, step: float, count: int) -> None:
+        """The next `count` steps of `step` [s] begin at `begin` [s]."""
+        for each in self._interventions:
+            each.begin_batch(begin, step, count)
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
-        """Do steps first..end of the batch; see `SteppedCloud.steps`."""
-        cloud, side = self._cloud, self._side
-        units, step = cloud.units, self._step
-        rows, half_widths, masses, bodies, flowing = self._near_points()
+        """Do steps first..end of the batch; see `gasp_mpm_host.session.SteppedCloud.steps`."""
+        cloud = self._cloud
+        for each in self._interventions:
+            each.begin_steps(first)
         clamped = False
         for index in range(first, end):
             cloud.begin_stages(index, first)
             cloud.stage(Stage.SCATTER, index)
-            places, _ = cloud.moving(rows)
-            near = side.near(units.world(places), half_widths, bodies, units.spacing, units.anchor)
-            nodes = cloud.rows_of(near.nodes, near.bodies)
-            weights = cloud.node_rows(nodes)[:, 3].astype(np.float64) * units.mass
+            for each in self._interventions:
+                each.before_update(index)
             cloud.stage(Stage.UPDATE, index)
-            velocities = cloud.node_rows(nodes)[:, :3].astype(np.float64) * units.speed
-            met = side.met(near, velocities, weights, units.spacing, units.anchor)
-            after = side.world.step(self._begin + index * step, step, met)
-            cloud.put_velocities(nodes, after / units.speed)
+            for each in self._interventions:
+                each.after_update(index)
             cloud.stage(Stage.MOVE, index)
-            if len(flowing):
-                own = (half_widths[flowing], masses[flowing], bodies[flowing])
-                self._keep_out(rows[flowing], places[flowing], *own)
+            for each in self._interventions:
+                each.after_move(index)
             drifted, held = cloud.end_stages()
             clamped |= held
             if drifted:
                 return index + 1 - first, True, clamped
         return end - first, False, clamped
-
-    def _near_points(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Rows (P,), half widths (P,) [m], masses (P,) [kg] and bodies (P,) of points that rigid bodies may meet within
-        the batch, and which of them flow (F,)."""
-        units, world = self._cloud.units, self._side.world
-        places = units.world(self._cloud.all_cells())
-        near = np.zeros(len(places), dtype=np.bool_)
-        for place, radius in zip(world.state.places, world.surfaces.radii):
-            near |= np.sum((places - place) ** 2, axis=1) < (radius + _AROUND * units.spacing) ** 2
-        rows = np.flatnonzero(near)
-        half_widths, masses, bodies, flows = self._cloud.traits(rows)
-        return rows, half_widths * units.spacing, masses * units.mass, bodies, np.flatnonzero(flows)
-
-    def _keep_out(self, rows: Array, cells: Array, half_widths: Array, masses: Array, bodies: Array) -> None:
-        """Points that were at `cells` (F, 3) before the step that has just moved them."""
-        units, cloud = self._cloud.units, self._cloud
-        _, velocities = cloud.moving(rows)
-        before = velocities * units.speed
-        after = self._side.keep_out(before, units.world(cells), half_widths, masses, bodies, self._step)
-        changed = np.flatnonzero(np.any(after != before, axis=1))
-        if len(changed):
-            change = (after[changed] - before[changed]) / units.speed
-            cloud.nudge(rows[changed], change, self._step / units.time)

@@ -50,6 +50,7 @@ CAPABILITIES = EngineCapabilities(
     restitution=True,
     material_damping=True,
     cohesion=True,
+    trajectories=True,
     drives=frozenset({Pinned, Driven, Impulse}),
     force_fields=frozenset({Wind}),
     output_fields=frozenset(Field),
@@ -73,7 +74,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="reference-mpm",
             summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
-            contract_version=(1, 3),
+            contract_version=(1, 4),
             capabilities=CAPABILITIES,
             factory="gasp_reference_mpm.engine:ReferenceMpm",
         )

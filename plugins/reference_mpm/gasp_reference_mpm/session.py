@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.led_nodes import LedGrid
+from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import CRUSHED_VOLUME, SteppedSession, StoppedError, impulse_change
 from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
 from gasp_reference_mpm.grid import grid_excess
+from gasp_reference_mpm.leading import Lead
 from gasp_reference_mpm.material_points import Matter, Motion, stable_step
 from gasp_reference_mpm.substep import substep
 
@@ -50,6 +53,8 @@ class ReferenceSession(SteppedSession[Motion]):
         self._inverted = 0
         self._hardening = hardening_of(problem)
         self._rigid = rigid
+        led = LedPoints.of(problem)
+        self._led = None if led is None else LedGrid.of(problem, led, spacing, origin)
 
     def begin_advance(self, end: float) -> None:
         """See `SteppedSession`."""
@@ -129,6 +134,7 @@ class ReferenceSession(SteppedSession[Motion]):
         start = self._time
         looks = limits.steps_between_looks(self._spacing, step)
         separation = None
+        lead = None if self._led is None else Lead.during(self._led, start, start + taking * step)
         for index in range(taking):
             now = start + index * step
             # Overflow is not silenced but awaited: `_refuse_leap` looks at every result before it is used.
@@ -143,6 +149,7 @@ class ReferenceSession(SteppedSession[Motion]):
                     now,
                     step,
                     self._rigid,
+                    lead,
                 )
             self._held_back |= held
             self._refuse_leap(motion, now, step)
@@ -157,9 +164,10 @@ class ReferenceSession(SteppedSession[Motion]):
         driven = driven_speed(self._problem.drives, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
         walls = wall_speed(self._problem.colliders, self._time, places.min(axis=0) - felt, places.max(axis=0) + felt)
         rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
+        led = 0.0 if self._led is None else self._led.points.fastest(self._time)
         return MotionLimits(
             stress=stable_step(self._matter, motion, self._spacing),
-            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls, rigid),
+            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls, rigid, led),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,

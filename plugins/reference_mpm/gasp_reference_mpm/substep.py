@@ -11,6 +11,7 @@ from gasp_core.contract import DomainPolicy, PointProblem
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_reference_mpm.bodies import looked, met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
+from gasp_reference_mpm.leading import Lead
 from gasp_reference_mpm.material_points import Matter, Motion, deformed, kirchhoff_stress, shock_pressures
 from gasp_reference_mpm.separation import Separation
 from gasp_reference_mpm.subgrid import subgrid_velocities, with_room
@@ -35,11 +36,13 @@ def substep(
     time: float,
     step: float,
     rigid: RigidSide | None = None,
+    lead: Lead | None = None,
 ) -> tuple[Motion, Separation, Array]:
     """The motion `step` [s] after `time` [s], how far bodies are then apart, and a mask (N,) of the points that the
     domain's edge held back.
 
-    Without a separation it is looked how far apart the bodies are. Rigid bodies take the step as well.
+    Without a separation it is looked how far apart the bodies are. Rigid bodies take the step as well, and points that
+    are led are where they are led to.
 
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
     (symplectic Euler).
@@ -52,6 +55,10 @@ def substep(
     places = grid.positions + origin
     velocities = blown(velocities, places, problem.force_fields, time, step)
     velocities, held = driven(velocities, places, problem.drives, time, spacing)
+    led = None if lead is None else lead.nodes(stencil.fields, grid, time, step)
+    if led is not None:
+        velocities[led.rows] = led.velocities
+        held[led.rows] = True
     if separation is None:
         separation = looked(stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing)
     velocities, separation = met(problem, stencil, grid, velocities, held, separation, spacing, step)
@@ -64,12 +71,16 @@ def substep(
     else:
         held_back = np.zeros(len(motion.positions), dtype=np.bool_)
 
+    if led is not None:
+        velocities = velocities.copy()
+        velocities[led.rows] = led.velocities
     if rigid is not None:
         half_widths = 0.5 * np.cbrt(matter.volumes)
         near = rigid.near(motion.positions + origin, half_widths, problem.points.body_ids, spacing, origin)
         rows = np.searchsorted(grid.nodes, stencil.fields.flat(near.bodies, near.nodes))
         velocities = velocities.copy()
-        met_nodes = rigid.met(near, velocities[rows], grid.mass[rows], spacing, origin)
+        node_masses = grid.mass if led is None else led.masses(grid.mass, matter.masses)
+        met_nodes = rigid.met(near, velocities[rows], node_masses[rows], spacing, origin)
         velocities[rows] = rigid.world.step(time, step, met_nodes)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
@@ -118,7 +129,7 @@ def substep(
         shock_pressures=shock_pressures(matter, velocity_gradients, step),
         tracers=tracers,
     )
-    return moved, separation, held_back
+    return moved if lead is None else lead.followed(moved, time + step), separation, held_back
 
 
 def seeded_affine_velocities(

@@ -254,8 +254,7 @@ class Cloud(SortedCloud):
         self._memory.write(self._report, np.zeros(words.REPORT_WIDTH, dtype=np.int32))
         self._control[words.FIRST_STEP] = first
         done = self._launch_by_phase(first, end) if self._memory.on_gpu else self._march(first, end)
-        report = self._memory.get(self._report)
-        return done, bool(report[words.DRIFTED]), bool(report[words.CLAMPED])
+        return done, *self.end_stages()
 
     def _march(self, first: int, end: int) -> int:
         """Steps first..end, or fewer, in as many threads as there are; returns how many."""
@@ -349,6 +348,12 @@ class Cloud(SortedCloud):
         """See `gasp_mpm_host.stages.StagedCloud`."""
         return self._memory.get(self._grid)[rows]
 
+    def put_nodes(self, rows: Array, nodes: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        grid = self._memory.get(self._grid)
+        grid[rows] = nodes
+        self._memory.write(self._grid, grid)
+
     def put_velocities(self, rows: Array, velocities: Array) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""
         grid = self._memory.get(self._grid)
@@ -358,6 +363,14 @@ class Cloud(SortedCloud):
             carrier = self._memory.get(self._carrier)
             carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
             self._memory.write(self._carrier, carrier)
+
+    def put_points(self, rows: Array, cells: Array, velocities: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        places, points = self._memory.get(self._x), self._memory.get(self._points)
+        points.reshape(-1, words.POINT_ROWS, 4)[rows, words.VELOCITY, :3] = velocities
+        places[rows] = self._standing_cells(rows, cells)
+        self._memory.write(self._points, points)
+        self._memory.write(self._x, places)
 
     def nudge(self, rows: Array, change: Array, step: float) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""

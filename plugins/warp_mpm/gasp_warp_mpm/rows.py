@@ -14,7 +14,10 @@ __all__ = ["make_rows"]
 
 
 def make_rows(module: Any, double: bool) -> SimpleNamespace:
-    """Kernels read_nodes, write_nodes, read_points and nudge_points, in Warp's module `module`; a thread a row."""
+    """Kernels read_nodes, put_nodes, write_nodes, read_points, put_points and nudge_points; a thread a row.
+
+    They are in Warp's module `module`.
+    """
     real = wp.float64 if double else wp.float32
     types = algebra(real)
     vec3, vec4 = types.vec3, types.vec4
@@ -27,6 +30,12 @@ def make_rows(module: Any, double: bool) -> SimpleNamespace:
         """What is at nodes."""
         k = wp.tid()
         nodes[k] = s.grid[rows[k]]
+
+    @wp.kernel(module=module, enable_backward=False)
+    def put_nodes(s: Tables, rows: Rows, nodes: wp.array(dtype=wp.vec4d)):
+        """Give nodes momenta and masses."""
+        k = wp.tid()
+        s.grid[rows[k]] = vec4(nodes[k])
 
     @wp.kernel(module=module, enable_backward=False)
     def write_nodes(s: Tables, rows: Rows, velocities: Vectors):
@@ -48,6 +57,17 @@ def make_rows(module: Any, double: bool) -> SimpleNamespace:
         velocities[k] = wp.vec3d(vec3(s.points[o], s.points[o + 1], s.points[o + 2]))
 
     @wp.kernel(module=module, enable_backward=False)
+    def put_points(s: Tables, rows: Rows, places: Vectors, velocities: Vectors):
+        """Where points are from now on, and how fast."""
+        k = wp.tid()
+        p = rows[k]
+        o = p * at.POINT_WIDTH + at.VELOCITY
+        v = vec3(velocities[k])
+        for d in range(3):
+            s.points[o + d] = v[d]
+        s.x[p] = places[k]
+
+    @wp.kernel(module=module, enable_backward=False)
     def nudge_points(s: Tables, rows: Rows, change: Vectors, step: wp.float64):
         """Change the velocities of points, as if it had been so during the last step."""
         k = wp.tid()
@@ -59,5 +79,10 @@ def make_rows(module: Any, double: bool) -> SimpleNamespace:
         s.x[p] = s.x[p] + step * change[k]
 
     return SimpleNamespace(
-        read_nodes=read_nodes, write_nodes=write_nodes, read_points=read_points, nudge_points=nudge_points
+        read_nodes=read_nodes,
+        put_nodes=put_nodes,
+        write_nodes=write_nodes,
+        read_points=read_points,
+        put_points=put_points,
+        nudge_points=nudge_points,
     )

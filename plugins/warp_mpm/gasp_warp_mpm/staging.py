@@ -100,6 +100,13 @@ class StagedSteps(DeviceOrder):
         self._launch_rows(self._kernels.phases.read_nodes, rows, found)
         return found.numpy().reshape(-1, 4)
 
+    def put_nodes(self, rows: Array, nodes: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        if self._atomic:
+            self._launch_rows(self._kernels.phases.put_nodes, rows, self._put(nodes, wp.vec4d))
+        else:
+            self._tables.grid.numpy()[rows] = nodes
+
     def put_velocities(self, rows: Array, velocities: Array) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""
         tables = self._tables
@@ -122,6 +129,16 @@ class StagedSteps(DeviceOrder):
         if self._stands.any():
             cells = cells - self._stands[self._bodies[self._ids[rows]]]
         return cells, velocities.numpy().reshape(-1, 3)
+
+    def put_points(self, rows: Array, cells: Array, velocities: Array) -> None:
+        """See `gasp_mpm_host.stages.StagedCloud`."""
+        places = self._standing_cells(rows, cells)
+        if self._atomic:
+            given = (self._put(each, wp.vec3d) for each in (places, velocities))
+            self._launch_rows(self._kernels.phases.put_points, rows, *given)
+            return
+        self._point_rows()[rows, at.VELOCITY : at.VELOCITY + 3] = velocities
+        self._tables.x.numpy()[rows] = places
 
     def nudge(self, rows: Array, change: Array, step: float) -> None:
         """See `gasp_mpm_host.stages.StagedCloud`."""

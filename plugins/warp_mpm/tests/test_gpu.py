@@ -55,9 +55,10 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     assert np.array_equal(kept["rows"].shape, (512, at.POINT_WIDTH))
 
 
-def test_the_way_of_the_gpu_meets_rigid_bodies_where_they_are(kit):
+@pytest.mark.parametrize("company", ["rigid and soft", "one that is led"])
+def test_the_way_of_the_gpu_meets_rigid_bodies_where_they_are(kit, company):
     """Nodes and points are read and changed in the device's memory, a row a thread."""
-    problem, accuracy = COMPANIES["rigid and soft"](), EngineAccuracy(spacing=0.05, substep=5e-4)
+    problem, accuracy = COMPANIES[company](), EngineAccuracy(spacing=0.05, substep=5e-4)
     ends = []
     for session in (
         kit.open(problem, precision="float64", spacing=0.05, substep=5e-4),

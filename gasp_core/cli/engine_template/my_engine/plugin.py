@@ -45,7 +45,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="my-engine",
             summary="Rigid bodies in free flight",
-            contract_version=(1, 3),
+            contract_version=(1, 4),
             capabilities=CAPABILITIES,
             factory="my_engine.engine:Engine",
         )

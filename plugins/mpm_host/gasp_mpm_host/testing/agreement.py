@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -30,6 +31,7 @@ from gasp_core.contract import (
     SphereShape,
     Status,
     SteadyMotion,
+    Trajectories,
     Wind,
 )
 from gasp_core.discovery.registry import discover
@@ -176,6 +178,21 @@ def _rigid() -> PointProblem:
     )
 
 
+def _led() -> PointProblem:
+    """A soft block whose lower half is swung, a soft one that falls onto it, a rigid one beside it, and a floor."""
+    problem = _rigid()
+    ids, places = problem.points.body_ids, problem.points.reference_positions
+    rows = np.flatnonzero((ids == 0) & (places[:, 2] < 0.11))
+    times = np.linspace(0.0, 0.12, 7)
+    arms = places[rows] - [0.1, 0.1, 0.1]
+    turned = [
+        np.stack([np.cos(4 * t) * x - np.sin(4 * t) * y + 2 * t * t, np.sin(4 * t) * x + np.cos(4 * t) * y, z], axis=1)
+        for t, (x, y, z) in ((t, arms.T) for t in times)
+    ]
+    trajectories = Trajectories(rows=rows, times=times, displacements=np.array(turned) - arms)
+    return replace(problem, trajectories=trajectories)
+
+
 _ALONE = (("neo-hookean",), ("sand",), ("snow",), ("rubber",), ("metal",), ("plasticine",), ("foam",), ("putty",))
 _TOGETHER = (
     ("metal", "snow"),
@@ -201,7 +218,7 @@ def _compared() -> Iterator[Any]:
             yield pytest.param(kinds, precision, marks=marks, id=f"{'+'.join(kinds)}-{precision}")
 
 
-COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid}
+COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid, "one that is led": _led}
 
 
 @cache
@@ -277,8 +294,9 @@ class AgreementTests:
         free = problem.points.reference_positions + _STEP * _STEPS * problem.points.initial_velocities
         assert np.abs(found.positions - free)[:, :2].max() > 0.05 * _SIDE
 
-    def test_rigid_and_soft_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit):
-        problem, half = _rigid(), _STEP * _STEPS / 2
+    @pytest.mark.parametrize("company", ["rigid and soft", "one that is led"])
+    def test_companies_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit, company):
+        problem, half = COMPANIES[company](), _STEP * _STEPS / 2
         choices = {"precision": "float64", "spacing": _SPACING / 2, "substep": _STEP}
         with kit.open(problem, **choices) as session:
             assert session.advance_to(half).status is Status.OK

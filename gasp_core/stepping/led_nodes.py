@@ -1,0 +1,247 @@
+"""What points that are led do to the nodes of a grid.
+
+They give mass to it as others do. The nodes that are nearer to them than to others of their body have the velocity of
+theirs, whatever else acts.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import PointProblem
+from gasp_core.stepping.led_points import LedPoints
+from gasp_core.stepping.threads import processors
+
+__all__ = ["HEAVY", "LedGrid", "LedNodes"]
+
+Array = NDArray[Any]
+
+HEAVY = 2.0**100
+"""Mass of a led node, in mean masses of points: what meets it gives way, and it does not, to the last bit. A power of
+two times a velocity is exact, and this one is a float32."""
+_TOUCH = 1e-3
+"""In cells: a node on the boundary itself is led, whichever way its place was rounded."""
+_NEIGHBOURS = 12
+"""Of a led point, by which it knows the slope of what it and they have: in a lattice those along its axes and half of
+those across."""
+_FLAT = 1e-2
+"""Share of the longest axis squared of such a neighbourhood below which it does not extend along another one."""
+_SPARSE = 8
+"""Times as many possible keys as keys: up to that a table of all of them is sooner made than a sorted list."""
+_AROUND = np.array(list(itertools.product(range(3), repeat=3)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedNodes:
+    """Nodes that led points take along.
+
+    Parameters
+    ----------
+    nodes : (G, 3)
+        In cells.
+    bodies : (G,)
+    weights
+        (G, K), sparse, of the points at each node; of sum 1.
+    slopes : (G, 3) [m/s]
+        What their velocities change by on the way to the node.
+    """
+
+    nodes: Array
+    bodies: Array
+    weights: Any
+    slopes: Array
+
+    def velocities(self, of_points: Array) -> Array:
+        """Of the nodes, (G, 3) [m/s], where those of the points are (K, 3) [m/s]."""
+        return self.weights @ of_points + self.slopes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedGrid:
+    """The led points of a problem and a grid.
+
+    Parameters
+    ----------
+    points
+        Those that are led.
+    spacing
+        Of the grid [m].
+    origin : (3,) [m]
+        Where node (0, 0, 0) is.
+    neighbours : (K, N)
+        Of each led point, those nearest to it when they begin; itself where it has fewer.
+    trees
+        Of each body: k-d trees of where its led points begin, and its others, if it has others.
+    """
+
+    points: LedPoints
+    spacing: float
+    origin: Array
+    neighbours: Array
+    trees: Mapping[int, tuple[Any, Any]]
+
+    @classmethod
+    def of(cls, problem: PointProblem, points: LedPoints, spacing: float, origin: Array) -> Self:
+        """Of those of a problem."""
+        from scipy.spatial import KDTree
+
+        cloud = problem.points
+        others = np.ones(len(cloud), dtype=np.bool_)
+        others[points.rows] = False
+        neighbours = np.tile(np.arange(len(points.rows))[:, None], (1, _NEIGHBOURS))
+        trees: dict[int, tuple[Any, Any]] = {}
+        for body in map(int, np.unique(points.bodies)):
+            own = np.flatnonzero(points.bodies == body)
+            loose = cloud.reference_positions[others & (cloud.body_ids == body)]
+            tree: Any = KDTree(points.start[own])
+            trees[body] = tree, KDTree(loose) if len(loose) else None
+            count = min(_NEIGHBOURS, len(own) - 1)
+            if count:
+                # The nearest is the point itself, or one that is where it is.
+                nearest = tree.query(points.start[own], k=[*range(2, count + 2)], workers=processors())[1]
+                neighbours[own, :count] = own[nearest]
+        return cls(points=points, spacing=spacing, origin=origin, neighbours=neighbours, trees=trees)
+
+    def around(self, positions: Array, velocities: Array) -> LedNodes:
+        """The nodes that are led while the points are at positions (K, 3) [m] with velocities (K, 3) [m/s].
+
+        They are those that were nearer to led points than to others of their body at the start, had they gone with the
+        points around them.
+        """
+        points = self.points
+        slopes = _Slopes.of(positions, self.neighbours)
+        nodes, bodies, weights = self._spread((positions - self.origin) / self.spacing)
+        # About a corner of their own: coordinates may be large.
+        low = nodes.min(axis=0)
+        corner = self.origin + self.spacing * low
+        local, places = positions - corner, self.spacing * (nodes - low)
+        moved = slopes.of_displacements(positions - points.start)
+        gone = weights @ (positions - points.start) + _along(weights, moved, local, places)
+        near = self._nearer(places + corner - gone, bodies)
+        weights = weights[near]
+        along = _along(weights, slopes.of_velocities(velocities), local, places[near])
+        return LedNodes(nodes=nodes[near], bodies=bodies[near], weights=weights, slopes=along)
+
+    def _spread(self, cells: Array) -> tuple[Array, Array, Any]:
+        """Nodes (G, 3) around points at `cells` (K, 3), bodies (G,), and weights (G, K), sparse: those of the quadratic
+        B-splines times the masses, of sum 1."""
+        from scipy import sparse
+
+        base = np.floor(cells - 0.5).astype(np.int64)
+        offset = cells - base
+        along = np.stack([0.5 * (1.5 - offset) ** 2, 0.75 - (offset - 1) ** 2, 0.5 * (offset - 0.5) ** 2], axis=1)
+        i, j, k = _AROUND.T
+        weights = (along[:, i, 0] * along[:, j, 1] * along[:, k, 2] * self.points.masses[:, None]).ravel()
+        low, shape = base.min(axis=0), np.ptp(base, axis=0) + 3
+        sides = np.array([shape[1] * shape[2], shape[2], 1])
+        first = self.points.bodies.astype(np.int64) * int(np.prod(shape)) + (base - low) @ sides
+        keys = (first[:, None] + _AROUND @ sides).ravel()
+        found, rows = _numbered(keys, weights > 0)
+        bodies, flat = np.divmod(found, int(np.prod(shape)))
+        nodes = np.stack(np.unravel_index(flat, tuple(shape)), axis=1) + low
+        columns = np.repeat(np.arange(len(cells)), 27)
+        some = np.flatnonzero(rows >= 0)
+        shape_of = (len(found), len(cells))
+        spread = sparse.coo_array((weights[some], (rows[some], columns[some])), shape=shape_of).tocsr()
+        total = np.asarray(spread.sum(axis=1)).reshape(-1)
+        spread.data /= np.repeat(total, np.diff(spread.indptr))
+        return nodes, bodies, spread
+
+    def _nearer(self, places: Array, bodies: Array) -> Array:
+        """Rows (L,) of the places (G, 3) [m], at the start, of bodies (G,), that are nearer to led points of theirs."""
+        found: list[Array] = []
+        for body, (own, loose) in self.trees.items():
+            rows = np.flatnonzero(bodies == body)
+            if loose is not None:
+                to_own, to_loose = (tree.query(places[rows], workers=processors())[0] for tree in (own, loose))
+                rows = rows[to_own <= to_loose + 2 * _TOUCH * self.spacing]
+            found.append(rows)
+        return np.sort(np.concatenate(found))
+
+
+def _numbered(keys: Array, counted: Array) -> tuple[Array, Array]:
+    """The different keys (N,) among those that are counted, rising, and the place of each key there, -1 for none."""
+    count = int(keys.max()) + 1
+    if count > _SPARSE * len(keys):
+        found, rows = np.unique(keys[counted], return_inverse=True)
+        numbers = np.full(len(keys), -1)
+        numbers[counted] = rows.reshape(-1)
+        return found, numbers
+    there = np.zeros(count, dtype=np.bool_)
+    there[keys[counted]] = True
+    found = np.flatnonzero(there)
+    numbers = np.full(count, -1)
+    numbers[found] = np.arange(len(found))
+    return found, numbers[keys]
+
+
+def _along(weights: Any, slopes: Array, points: Array, nodes: Array) -> Array:
+    """What the points' values change by on the way to the nodes (G, 3), by their slopes (K, 3, 3): a mean (G, 3)."""
+    mean = weights @ slopes.reshape(-1, 9)
+    return np.einsum("gij,gj->gi", mean.reshape(-1, 3, 3), nodes) - weights @ np.einsum("kij,kj->ki", slopes, points)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Slopes:
+    """Fits over the neighbours of points, in the sense of least squares.
+
+    Parameters
+    ----------
+    neighbours : (K, N)
+    arms : (K, N, 3) [m]
+        To them.
+    inverses : (K, 3, 3) [1/m^2]
+        Of the sums of their squares, as far as they extend.
+    tangents : (F, 2, 3)
+        Of those that lie in a plane.
+    flat : (F,)
+        Which these are.
+    """
+
+    neighbours: Array
+    arms: Array
+    inverses: Array
+    tangents: Array
+    flat: Array
+
+    @classmethod
+    def of(cls, positions: Array, neighbours: Array) -> Self:
+        """Of points at positions (K, 3) [m]."""
+        arms = positions[neighbours] - positions[:, None]
+        values, axes = np.linalg.eigh(arms.transpose(0, 2, 1) @ arms)
+        known = values > np.maximum(_FLAT * values[:, 2:], np.finfo(np.float64).tiny)
+        inverses = (axes * np.where(known, 1 / np.where(known, values, 1.0), 0.0)[:, None]) @ axes.transpose(0, 2, 1)
+        flat = np.flatnonzero(known.sum(axis=1) == 2)
+        tangents = axes[flat][:, :, 1:].transpose(0, 2, 1)
+        return cls(neighbours=neighbours, arms=arms, inverses=inverses, tangents=tangents, flat=flat)
+
+    def _fitted(self, values: Array) -> Array:
+        """Slopes (K, 3, 3) of values (K, 3)."""
+        changes = values[self.neighbours] - values[:, None]
+        return changes.transpose(0, 2, 1) @ self.arms @ self.inverses
+
+    @property
+    def _normals(self) -> Array:
+        return np.cross(self.tangents[:, 0], self.tangents[:, 1])
+
+    def of_velocities(self, velocities: Array) -> Array:
+        """(K, 3, 3) [1/s]; where points lie in a plane its normal turns as the plane does."""
+        slopes, normals = self._fitted(velocities), self._normals
+        turning = -np.einsum("fij,fi->fj", slopes[self.flat], normals)
+        slopes[self.flat] += turning[:, :, None] * normals[:, None]
+        return slopes
+
+    def of_displacements(self, displacements: Array) -> Array:
+        """(K, 3, 3), by places now; where points lie in a plane its normal was normal to it before."""
+        slopes, normals = self._fitted(displacements), self._normals
+        before = self.tangents - np.einsum("fij,ftj->fti", slopes[self.flat], self.tangents)
+        old = np.cross(before[:, 0], before[:, 1])
+        old /= np.maximum(np.linalg.norm(old, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        slopes[self.flat] += (normals - old)[:, :, None] * normals[:, None]
+        return slopes
