@@ -640,11 +640,11 @@ class LedInStraightLines(Mutant):
 
 @mutant("led-without-what-hangs-on-them", {"trajectories": "difference from one that weighs"})
 class LedWithoutWhatHangsOnThem(Mutant):
-    """What hangs on led points is taken along by half."""
+    """Led points take along what hangs on them by half of their way."""
 
     def problem(self, problem: PointProblem) -> PointProblem:
         led = problem.trajectories
-        if led is None or len(led) == len(problem.points):
+        if led is None or problem.points.body_ids.any():
             return problem
         return replace(problem, trajectories=replace(led, displacements=led.displacements / 2))
 
