@@ -177,6 +177,11 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int, *, d
         if (body.drifts and not driven) or any(name.startswith("gradients/") for name in arrays):
             _check_fit(arrays, "gradients", count, count)
         return
+    if body.carrier == "centres":
+        _expect(points == count, "its points are not its means")
+        _shape(arrays, "points", (points, 3), "f")
+        _check_table(arrays, "neighbours", count, points)
+        return
     if body.carrier == "volume":
         _check_points(arrays, points, count)
         return
@@ -198,11 +203,8 @@ def _check_points(arrays: Mapping[str, Array], points: int, rows: int) -> None:
     _shape(arrays, "points", (points, 3), "f")
     _shape(arrays, "spacing", (1,), "f")
     _expect(bool(arrays["spacing"][0] > 0), "its points have no spacing")
-    neighbours, labels = arrays["neighbours"], arrays["labels"]
-    for table, length, name in ((neighbours, points, "neighbours"), (labels, rows, "labels")):
-        columns = table.shape[1] if table.ndim == 2 else -1
-        _expect(0 <= columns <= _WIDEST and len(table) == length and table.dtype.kind == "i", f"{name} is no table")
-        _expect(_within(table, points), f"{name} names points that there are not")
+    _check_table(arrays, "neighbours", points, points)
+    labels = _check_table(arrays, "labels", rows, points)
     _expect(labels.shape[1] >= 1, "labels is no table")
     weights = _shape(arrays, "weights", labels.shape, "f")
     sums = weights.sum(axis=1, dtype=np.float64)
@@ -210,6 +212,15 @@ def _check_points(arrays: Mapping[str, Array], points: int, rows: int) -> None:
     _expect(bool(shared.all() and (weights >= 0).all()), "weights do not add up to one")
     _expect(_within(_shape(arrays, "standing_for", (points,), "i"), rows), "standing_for names rows that there are not")
     _check_order(arrays, "order", rows)
+
+
+def _check_table(arrays: Mapping[str, Array], name: str, rows: int, points: int) -> Array:
+    """Points for each row."""
+    table = arrays[name]
+    columns = table.shape[1] if table.ndim == 2 else -1
+    _expect(0 <= columns <= _WIDEST and len(table) == rows and table.dtype.kind == "i", f"{name} is no table")
+    _expect(_within(table, points), f"{name} names points that there are not")
+    return table
 
 
 def _check_order(arrays: Mapping[str, Array], name: str, rows: int) -> None:

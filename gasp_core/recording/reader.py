@@ -28,6 +28,7 @@ from gasp_core.recording.store import Store
 from gasp_core.reduction.all_vertices import block_of
 from gasp_core.reduction.bodies import Body, carried_simplices, matter_turns, moved_gaussians, moved_simplices, shapes
 from gasp_core.reduction.carriers import CARRIERS
+from gasp_core.reduction.centres import Centres
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.loading import read_stored_scene
@@ -217,6 +218,7 @@ class Recording(ShownInNotebooks):
                     carrier=self._carrier(index, len(rows), driven=driven is not None),
                     drift=formula_of(self._store, index, entry, item, block, driven) if entry.drifts else None,
                     driven=driven,
+                    strained=entry.drifts and entry.carrier == Centres.kind,
                 )
             )
         return tuple(found)

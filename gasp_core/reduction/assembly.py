@@ -14,6 +14,7 @@ from gasp_core.dynamics.composition import Played, PrescribedMotion
 from gasp_core.errors import SceneError
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.bodies import Body
+from gasp_core.reduction.centres import sample_centres
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.leading import Lead, driven_gaussians, trajectories_at_rest
@@ -216,6 +217,8 @@ def _sample(
     """
     if reduction.mode == "all":
         return sample_all(block, floor, spacing, drifts=drifts)
+    if reduction.mode == "centres":
+        return sample_centres(block, spacing)
     if reduction.mode == "volume":
         frames = known if isinstance(known, PointFrames) else None
         return sample_volume(block, reduction, placed.solid(), placed.item.region, spacing, placed.item.name, frames)

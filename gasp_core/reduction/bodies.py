@@ -52,6 +52,9 @@ class Body:
     driven : (M,) or None
         Which of its Gaussians go where they move by themselves, whatever the points do; the drift is theirs alone.
         None: all have moved by themselves before the points move them.
+    strained
+        Whether what is told of how it moves by itself is what the engine's deformation gradients do to its simplices,
+        see `gasp_core.reduction.centres`.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Body:
     notes: tuple[str, ...] = ()
     drift: PrescribedMotion | None = None
     driven: Array | None = None
+    strained: bool = False
 
     @property
     def drifting(self) -> tuple[int, int, int]:
@@ -110,7 +114,8 @@ def carried_simplices(
         return body.carrier.carry(rest, displacements), None
     if body.driven is None:
         before = drifted(rest, drift)
-        return body.carrier.carry(rest, displacements, before), before
+        # F is physics: what it stretches is bounded.
+        return body.carrier.carry(rest, displacements, before), None if body.strained else before
     moved, before = body.carrier.carry(rest, displacements), rest.copy()
     moved[body.driven] = drifted(rest[body.driven], drift) - (0.0 if shift is None else shift)
     # What is driven has been stretched by nothing else.

@@ -144,7 +144,7 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
     """How many cells along it an object wants, and for what of it."""
     reduction = placed.item.reduction
     means = placed.gaussians.means[placed.moving & ~placed.floating]
-    if mode == "all":
+    if mode in ("all", "centres"):
         return _filled_by(len(means) // _GAUSSIANS_A_CELL, means, size), "number of its Gaussians"
     if reduction.mode == "cores":
         corners = 4 * reduction.cores_of(int(placed.moving.sum()))

@@ -52,7 +52,8 @@ class Reduction:
     mode
         "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
         clusters of the object's own. "volume": points that fill the body that the Gaussians are the surface of, eight
-        a cell. "auto": "volume" where there is such a body, "cores" where it is thin, "all" where Gaussians are few.
+        a cell. "centres": the means alone, whose covariances follow the engine's deformation gradient, as PhysGaussian
+        has it. "auto": "volume" where there is such a body, "cores" where it is thin, "all" where Gaussians are few.
     fraction, count
         Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
     levels
@@ -77,9 +78,17 @@ class Reduction:
     points: Literal["regular", "jittered"] | None = None
 
     def __post_init__(self) -> None:
-        own = {"auto": (), "all": (), "volume": ("points",), "cores": ("fraction", "count", "levels", "transfer")}
+        own = {
+            "auto": (),
+            "all": (),
+            "centres": (),
+            "volume": ("points",),
+            "cores": ("fraction", "count", "levels", "transfer"),
+        }
         if self.mode not in own:
-            raise SceneError(f'Reduction.mode must be "auto", "all", "cores" or "volume", found {self.mode!r}')
+            raise SceneError(
+                f'Reduction.mode must be "auto", "all", "centres", "cores" or "volume", found {self.mode!r}'
+            )
         for name in ("fraction", "count", "levels", "transfer", "points"):
             if name not in own[self.mode] and getattr(self, name) is not None:
                 raise SceneError(f'Reduction.{name} has no meaning with mode = "{self.mode}": leave it out')
@@ -292,6 +301,11 @@ def _check_motion(owner: SplatObject, motion: Motion) -> None:
         raise SceneError(f"{where} wants a folder of frames for a splat, found Gaussians in memory")
     if isinstance(motion, DMiSoMotion) and isinstance(owner.splat, Gaussians):
         raise SceneError(f"{where} wants the folder of a trained D-MiSo for a splat, found Gaussians in memory")
+    if motion.composition != "frozen" and owner.reduction.mode == "centres":
+        raise SceneError(
+            f'{where} goes on while physics acts, and reduction.mode "centres" knows no psi of simplices then: say'
+            ' composition = "frozen", or another mode'
+        )
     if motion.composition == "carried" and (owner.region is not None or owner.floaters is Floaters.STILL):
         key = "region" if owner.region is not None else 'floaters = "still"'
         raise SceneError(

@@ -32,6 +32,7 @@ from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.reduction.bodies import Body
+from gasp_core.reduction.centres import Centres
 from gasp_core.reduction.leading import trajectories_of
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
@@ -199,6 +200,16 @@ def simulate_part(
     return Recording.open(path)
 
 
+def _strained(prepared: Prepared, chosen: ChosenEngine) -> Prepared:
+    """With bodies of centres strained by the deformation gradients of an engine that shows them."""
+    if Field.DEFORMATION_GRADIENTS not in chosen.descriptor.capabilities.output_fields:
+        return prepared
+    bodies = tuple(
+        dataclasses.replace(body, strained=isinstance(body.carrier, Centres)) for body in prepared.assembly.bodies
+    )
+    return dataclasses.replace(prepared, assembly=dataclasses.replace(prepared.assembly, bodies=bodies))
+
+
 def _with_trajectories(scene: Scene, prepared: Prepared, shown: Progress) -> Prepared:
     """With where the motions of its objects drive the points."""
     assembly = prepared.assembly
@@ -223,7 +234,7 @@ def _check_supported(
     scene: Scene, judged: Scene | None, chosen: ChosenEngine, known: Mapping[str, TransferOperator]
 ) -> Prepared:
     """Read a scene and refuse what its engine does not declare, or what frames as of `judged` are too long for."""
-    prepared = prepare(scene, known)
+    prepared = _strained(prepare(scene, known), chosen)
     names = [body.name for body in prepared.assembly.bodies]
     check_supported(
         prepared.assembly.problem,

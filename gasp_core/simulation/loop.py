@@ -28,6 +28,7 @@ from gasp_core.recording import Recording
 from gasp_core.recording.writer import RecordingWriter
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.reduction.bodies import Body
+from gasp_core.reduction.centres import strained
 from gasp_core.reduction.shape_flags import shape_flags
 from gasp_core.scene.model import Scene
 from gasp_core.scene.settings import MapChoice, RecordingChoice
@@ -149,7 +150,7 @@ class FrameLoop:
         smallest, largest = self._substeps(frame, report)
         warnings = [*report.warnings, *self._outran(before, state)]
         means, relative = self._writer.split(state.positions)
-        drifts = self._drifts(frame)
+        drifts = self._drifts(frame, state)
         degenerate, clipped = self._shapes(frame, relative, drifts)
         self._writer.write_frame(
             frame,
@@ -200,7 +201,7 @@ class FrameLoop:
         """Frame 0: displacement zero, without asking the engine, so that it is the file's own."""
         points = self._assembly.problem.points
         relative = np.zeros((len(points), 3), dtype=np.float32)
-        drifts = self._drifts(0)
+        drifts = self._drifts(0, None)
         degenerate, clipped = self._shapes(0, relative, drifts)
         self._writer.write_frame(
             0,
@@ -224,10 +225,18 @@ class FrameLoop:
             },
         )
 
-    def _drifts(self, frame: int) -> list[Array | None]:
-        """How far each body has moved by itself; None for those that do not."""
+    def _drifts(self, frame: int, state: PointState | None) -> list[Array | None]:
+        """How far each body has moved by itself, or been strained in a state (None: at the start); None for others."""
         time = self._scene.time_of(frame)
-        return [None if body.drift is None else body.drift.at(time) for body in self._assembly.bodies]
+        gradients = None if state is None else state.deformation_gradients
+        found: list[Array | None] = []
+        for body in self._assembly.bodies:
+            if body.strained:
+                own = np.eye(3)[None] if gradients is None else gradients[body.points]
+                found.append(strained(body.block.rest, own))
+            else:
+                found.append(None if body.drift is None else body.drift.at(time))
+        return found
 
     def _untold(self, drifts: Sequence[Array | None]) -> list[Array]:
         return [
@@ -319,4 +328,4 @@ def _interrupt() -> Generator[threading.Event]:
 
 def drift_is_recorded(body: Body) -> bool:
     """Whether a body moves by itself in a way that no formula tells, so that each frame has to."""
-    return body.drift is not None and not body.drift.has_formula
+    return body.strained or (body.drift is not None and not body.drift.has_formula)

@@ -94,7 +94,7 @@ def header_of(
                 first=body.points.start,
                 last=body.points.stop,
                 carrier=body.carrier.kind,
-                drifts=body.drift is not None,
+                drifts=body.drift is not None or body.strained,
                 motion=_formula(body),
             )
             for body in assembly.bodies

@@ -280,7 +280,12 @@ def _scene(name: str) -> Any:
     )
     kind, own = name.partition("_")[0], dict[str, Any]()
     every = Reduction(mode="all")
-    reductions = {"cores": Reduction(mode="cores", count=8), "all": every, "driven": every}
+    reductions = {
+        "cores": Reduction(mode="cores", count=8),
+        "all": every,
+        "driven": every,
+        "centres": Reduction(mode="centres"),
+    }
     reduction = reductions.get(kind)
     if kind == "driven":
         own["motion"] = PythonMotion(function=_old_scenes().sway, composition="driven")
@@ -351,7 +356,7 @@ def recording_seeds() -> list[RecordingSeed]:
     """Carried in every way, finished and cut short, and those that earlier versions wrote."""
     seeds: list[RecordingSeed] = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind, ending in itertools.product(("cores", "all", "volume", "driven"), ("whole", "cut")):
+        for kind, ending in itertools.product(("cores", "all", "volume", "driven", "centres"), ("whole", "cut")):
             name, frames = f"{kind}_{ending}", 4 if ending == "cut" else None
             path = Path(folder) / f"{name}.gasp"
             _run(_scene(name), path, frames=frames)
