@@ -6,8 +6,8 @@ Round bars twist as Saint-Venant has it: each slice turns as a whole, by an angl
 where every Gaussian of a cylinder is and what it looks like is known. One end is turned by 120 degrees against the
 other, slowly, and damping lets what is between come to rest. POINTS: the engine's. MEAN: distance of those between
 the ends from where they should be, over the radius, median. COVARIANCE: |C - J S J^T| / |J S J^T|, J the gradient of
-the twist at the mean; median and 95th percentile. PICTURE: PSNR against the known Gaussians, on white. SIZE: largest scale
-of the Gaussians, over the radius: what is large is bent as well, which no Gaussian is.
+the twist at the mean; median and 95th percentile. PICTURE: PSNR against the known Gaussians, on white. SIZE: largest
+scale of the Gaussians, over the radius: what is large is bent as well, which no Gaussian is.
 
 An engine knows F where it has points: with 24,000 Gaussians (--count 24000) their means are as many points as the
 simplices of 6,000, and F is that much better.
