@@ -182,6 +182,14 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int, *, d
         _shape(arrays, "points", (points, 3), "f")
         _check_table(arrays, "neighbours", count, points)
         return
+    if body.carrier == "d-miso":
+        cores = arrays["points"]
+        _expect(cores.ndim == 3 and cores.shape[1:] == (3, 3) and cores.dtype.kind == "f", "its cores are no triangles")
+        _expect(points == 3 * len(cores), "its points are not the corners of its cores")
+        labels = _shape(arrays, "labels", (count,), "i")
+        _expect(_within(labels, len(cores)), "labels names cores that there are not")
+        _expect(len(np.unique(labels)) == len(cores), "a core carries nothing")
+        return
     if body.carrier == "volume":
         _check_points(arrays, points, count)
         return

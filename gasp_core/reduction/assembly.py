@@ -13,6 +13,7 @@ from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, Poin
 from gasp_core.dynamics.composition import Played, PrescribedMotion
 from gasp_core.errors import SceneError
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
+from gasp_core.reduction.attached import Attached
 from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.centres import sample_centres
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
@@ -228,7 +229,8 @@ def _sample(
             ' Gaussians of it that move: ask for fewer, or for mode = "all"'
         )
     kinds = placed.part_numbers[placed.moving]
-    return sample_cores(block, reduction, floor, spacing, known if isinstance(known, Levels) else None, kinds)
+    before = known if isinstance(known, Levels | Attached) else None
+    return sample_cores(block, reduction, floor, spacing, before, kinds)
 
 
 def _told(reduction: Reduction, choice: Choice, sample: Sample) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
+from gasp_core.reduction.attached import Attached, sample_attached
 from gasp_core.reduction.clusters import cluster_apart, scatter
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer, add_normals
@@ -195,7 +196,7 @@ def sample_cores(
     reduction: Reduction,
     floor: float,
     spacing: float,
-    known: Levels | None = None,
+    known: Levels | Attached | None = None,
     kinds: Array | None = None,
 ) -> Sample:
     """The corners of a body's cores.
@@ -227,12 +228,19 @@ def sample_cores(
     corners = simplices.reshape(-1, 3)
     shares = cell_volumes(corners + block.centre, spacing)
     cells = round(float(shares.sum()) / spacing**3)
+    kinds = np.zeros(count, dtype=np.int64) if kinds is None else kinds
+    places = block.local.means.astype(np.float64)
+    if reduction.transfer == "d-miso":
+        before = known if isinstance(known, Attached) else None
+        return sample_attached(
+            simplices, shares.reshape(count, vertices), places, kinds, reduction.cores_of(count), floor, before
+        )
+    known = known if isinstance(known, Levels) else None
     volumes, means, covariances = scatter(corners, np.repeat(np.arange(count), vertices), shares)
     whole = Matter(volumes=volumes, means=means, covariances=covariances)
     matter = None if known is None else _matter_of(known.levels, whole, reduction, floor)
     if known is None or matter is None:
-        kinds = np.zeros(count, dtype=np.int64) if kinds is None else kinds
-        levels, matter = _made(whole, block.local.means.astype(np.float64), kinds, reduction, floor)
+        levels, matter = _made(whole, places, kinds, reduction, floor)
     else:
         levels = known.levels
     return Sample(

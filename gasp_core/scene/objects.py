@@ -60,7 +60,7 @@ class Reduction:
         Cores of cores: the engine moves the last of so many levels. None with "cores": 1.
     transfer
         "least-squares": a Gaussian follows an affine fit to the cores around it; "frame": the frame of its own core, as
-        in the paper. None with "cores": "least-squares".
+        in the paper; "d-miso": attached to flat triangles, as D-MiSo has it. None with "cores": "least-squares".
     points
         "regular": on a lattice; "jittered": off it by up to a quarter of their distance. None with "volume": "regular".
 
@@ -74,7 +74,7 @@ class Reduction:
     fraction: float | None = None
     count: int | None = None
     levels: int | None = None
-    transfer: Literal["least-squares", "frame"] | None = None
+    transfer: Literal["least-squares", "frame", "d-miso"] | None = None
     points: Literal["regular", "jittered"] | None = None
 
     def __post_init__(self) -> None:
@@ -111,8 +111,12 @@ class Reduction:
             finite(self, "count", low=1)
         finite(self, "levels", low=1, high=8)
         object.__setattr__(self, "transfer", self.transfer or "least-squares")
-        if self.transfer not in ("least-squares", "frame"):
-            raise SceneError(f'Reduction.transfer must be "least-squares" or "frame", found {self.transfer!r}')
+        if self.transfer not in ("least-squares", "frame", "d-miso"):
+            raise SceneError(
+                f'Reduction.transfer must be "least-squares", "frame" or "d-miso", found {self.transfer!r}'
+            )
+        if self.transfer == "d-miso" and self.levels != 1:
+            raise SceneError(f'Reduction.levels must be 1 with transfer = "d-miso", found {self.levels}')
 
     def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Reduction:
         """The same with so many cores, levels and transfer as they are; with neither a fraction nor a count: "all"."""
@@ -306,6 +310,8 @@ def _check_motion(owner: SplatObject, motion: Motion) -> None:
             f'{where} goes on while physics acts, and reduction.mode "centres" knows no psi of simplices then: say'
             ' composition = "frozen", or another mode'
         )
+    if motion.composition == "carried" and owner.reduction.transfer == "d-miso":
+        raise SceneError(f'{where} cannot be carried by reduction.transfer "d-miso": say composition = "frozen"')
     if motion.composition == "carried" and (owner.region is not None or owner.floaters is Floaters.STILL):
         key = "region" if owner.region is not None else 'floaters = "still"'
         raise SceneError(

@@ -285,6 +285,7 @@ def _scene(name: str) -> Any:
         "all": every,
         "driven": every,
         "centres": Reduction(mode="centres"),
+        "attached": Reduction(mode="cores", count=8, transfer="d-miso"),
     }
     reduction = reductions.get(kind)
     if kind == "driven":
@@ -356,7 +357,8 @@ def recording_seeds() -> list[RecordingSeed]:
     """Carried in every way, finished and cut short, and those that earlier versions wrote."""
     seeds: list[RecordingSeed] = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind, ending in itertools.product(("cores", "all", "volume", "driven", "centres"), ("whole", "cut")):
+        kinds = ("cores", "all", "volume", "driven", "centres", "attached")
+        for kind, ending in itertools.product(kinds, ("whole", "cut")):
             name, frames = f"{kind}_{ending}", 4 if ending == "cut" else None
             path = Path(folder) / f"{name}.gasp"
             _run(_scene(name), path, frames=frames)
