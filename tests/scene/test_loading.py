@@ -151,7 +151,10 @@ REFUSED = {
         ["reduction.transfer", '"least-squares", "frame"', "linear"],
     ),
     "a number for all": (DESIGN.replace('mode = "all"', 'mode = "all", count = 5'), ["reduction.count", "no meaning"]),
-    "no such mode": (DESIGN.replace('"all"', '"few"'), ["reduction.mode", '"all", "centres", "cores" or "volume"', "few"]),
+    "no such mode": (
+        DESIGN.replace('"all"', '"few"'),
+        ["reduction.mode", '"all", "centres", "cores" or "volume"', "few"],
+    ),
     "coarse": (DESIGN.replace("resolution = 64", "resolution = 1"), ["accuracy.resolution", ">= 2"]),
     "fraction of a cell": (DESIGN.replace("resolution = 64", "resolution = 6.5"), ["accuracy.resolution", "whole"]),
     "not TOML": (DESIGN.replace("frame_rate = 25", "frame_rate 25"), ["not valid TOML", "line 4"]),
