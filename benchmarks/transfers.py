@@ -52,9 +52,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--fraction", type=float, default=0.03)
     fraction = parser.parse_args().fraction
-    print(
-        f"{'':8} {'':10} {'TRANSFER':14} {'OFF, rms':>9} {'99 %':>9} {'COVARIANCE':>11} {'95 %':>6} {'POINTS':>8} {'FRAME':>9}"
-    )
+    heads = f"{'OFF, rms':>9} {'99 %':>9} {'COVARIANCE':>11} {'95 %':>6} {'POINTS':>8} {'FRAME':>9}"
+    print(f"{'':8} {'':10} {'TRANSFER':14} {heads}")
     for name, file in CAPTURES.items():
         splat = flatten(read_splat(DATA / file)).gaussians
         size = np.linalg.norm(np.ptp(splat.means, axis=0))
