@@ -70,7 +70,10 @@ class Played:
     def velocities(self) -> Array:
         """Of the simplices at the start, (N, V, 3) [m/s]; zero where physics is not to have them."""
         moment = self.scene_time(0.0)
-        if self.choice.composition == "carried" or self.choice.start_velocity is False:
+        first, last = self.motion.span
+        # Beyond its span psi stands still.
+        rests = not first <= self.choice.scene_time(0.0) <= last
+        if rests or self.choice.composition == "carried" or self.choice.start_velocity is False:
             return np.zeros((len(self.motion), self.vertices, 3))
         return self._checked(self.choice.rate_at_start * velocities(self.motion, moment), moment)
 

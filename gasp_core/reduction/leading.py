@@ -16,7 +16,7 @@ from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["Lead", "driven_gaussians", "trajectories_at_rest", "trajectories_of"]
+__all__ = ["Lead", "driven_gaussians", "refuse_too_large", "trajectories_at_rest", "trajectories_of"]
 
 Array = NDArray[Any]
 
@@ -81,14 +81,9 @@ def trajectories_of(scene: Scene, leads: Sequence[Lead], watch: Callable[[int, i
     SceneError
         Where the table would be too large, or there is no motion to be had.
     """
+    refuse_too_large(leads, scene.frame_count)
     times = np.array([scene.time_of(frame) for frame in range(scene.frame_count + 1)])
     rows = _rows(leads)
-    size = len(times) * len(rows) * 12
-    if size > _MOST_BYTES:
-        raise SceneError(
-            f"{len(rows):,} driven points over {len(times):,} frames are {size / 2**30:.1f} GiB:"
-            ' say reduction = { mode = "cores" }, or simulate fewer frames'
-        )
     followers = [lead.carrier.follower(lead.rest) for lead in leads]
     displacements = np.zeros((len(times), len(rows), 3), dtype=np.float32)
     for frame in range(1, len(times)):
@@ -98,6 +93,23 @@ def trajectories_of(scene: Scene, leads: Sequence[Lead], watch: Callable[[int, i
         ]
         displacements[frame] = np.concatenate(moved)
     return Trajectories(rows=rows, times=times, displacements=displacements)
+
+
+def refuse_too_large(leads: Sequence[Lead], frames: int) -> None:
+    """Refuse what would be a table of trajectories that nobody could hold.
+
+    Raises
+    ------
+    SceneError
+        With how large it would be.
+    """
+    count = sum(len(lead.rows) for lead in leads)
+    size = (frames + 1) * count * 12
+    if size > _MOST_BYTES:
+        raise SceneError(
+            f"{count:,} driven points over {frames:,} frames are {size / 2**30:.1f} GiB:"
+            ' say reduction = { mode = "cores" }, or simulate fewer frames'
+        )
 
 
 def _rows(leads: Sequence[Lead]) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 from gasp_core.errors import SceneError
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import PythonMotion
+from gasp_core.scene.objects import SplatObject
 
 __all__ = ["NamedCode", "code_of", "refuse_untrusted", "without_code"]
 
@@ -76,17 +77,18 @@ def without_code(scene: Scene) -> Scene:
     """
     owners = {code.owner for code in code_of(scene)}
     objects = tuple(
-        dataclasses.replace(
-            item,
-            region=None,
-            parts=tuple(part for part in item.parts if part.region is None),
-            motion=dataclasses.replace(item.motion, function=_still),
-        )
-        if item.name in owners and isinstance(item.motion, PythonMotion)
-        else item
+        _standing(item, item.motion) if item.name in owners and isinstance(item.motion, PythonMotion) else item
         for item in scene.objects
     )
     return dataclasses.replace(scene, objects=objects)
+
+
+def _standing(item: SplatObject, motion: PythonMotion) -> SplatObject:
+    parts = tuple(part for part in item.parts if part.region is None)
+    still = dataclasses.replace(motion, function=_still)
+    if motion.composition == "driven" and not any(part.driven for part in parts):
+        still = dataclasses.replace(still, composition="frozen")
+    return dataclasses.replace(item, region=None, parts=parts, motion=still)
 
 
 def _still(simplices: Any, time: float) -> Any:

@@ -133,7 +133,7 @@ def meeting_speed(problem: PointProblem, duration: float) -> float:
     """
     points = problem.points
     bodies = np.unique(points.body_ids)
-    if not (problem.colliders or problem.drives or len(bodies) > 1):
+    if not (problem.colliders or problem.drives or problem.trajectories is not None or len(bodies) > 1):
         return 0.0
     start = float(np.linalg.norm(points.initial_velocities, axis=1).max())
     blow = 0.0

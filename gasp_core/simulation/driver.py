@@ -33,7 +33,7 @@ from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.centres import Centres
-from gasp_core.reduction.leading import trajectories_of
+from gasp_core.reduction.leading import refuse_too_large, trajectories_of
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
@@ -175,10 +175,11 @@ def simulate_part(
         header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
         for note in header.notes:
             shown.say(note)
+        if found is not None:
+            refuse_other(found, header, chosen.descriptor, options)
         if prepared.assembly.leads:
             prepared = _with_trajectories(scene, prepared, shown)
         if found is not None:
-            refuse_other(found, header, chosen.descriptor, options)
             writer, last, restart = RecordingWriter.resume(found, wanted)
             if writer.note:
                 shown.say(writer.note)
@@ -236,6 +237,7 @@ def _check_supported(
     """Read a scene and refuse what its engine does not declare, or what frames as of `judged` are too long for."""
     prepared = _strained(prepare(scene, known), chosen)
     names = [body.name for body in prepared.assembly.bodies]
+    refuse_too_large(prepared.assembly.leads, (judged or scene).frame_count)
     check_supported(
         prepared.assembly.problem,
         chosen.descriptor,

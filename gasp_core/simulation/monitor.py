@@ -75,7 +75,8 @@ class Watch:
     elastic : (N,) bool
         Points whose deformation gradient is that of an elastic solid. What flows or yields may end at any ratio.
     thicknesses : (B,) [m]
-        Of each body that keeps its shape, along its thinnest direction, at the start; infinite for the others.
+        Of each body that keeps its shape, along its thinnest direction, at the start; infinite for the others, and for
+        those of which something is led: their shape is somebody's wish.
     kinetic_energy
         At the start [J].
     diagonal
@@ -132,12 +133,14 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
     diagonal = 0.0
     shapely = [isinstance(material, Elastic | NeoHookean | Metal) for material in problem.materials]
     thicknesses = np.full(int(points.body_ids.max()) + 1, math.inf)
+    led = () if problem.trajectories is None else np.unique(points.body_ids[problem.trajectories.rows])
     for body in np.unique(points.body_ids):
         rows = points.body_ids == body
         own = points.reference_positions[rows]
         across, thick = float(np.linalg.norm(np.ptp(own, axis=0))), thickness(own)
         # A plane has no thickness that it could lose.
-        if all(shapely[index] for index in np.unique(points.material_ids[rows])) and thick > _PLANE * across:
+        keeps = body not in led and all(shapely[index] for index in np.unique(points.material_ids[rows]))
+        if keeps and thick > _PLANE * across:
             thicknesses[body] = thick
         diagonal = max(diagonal, across)
     return Watch(

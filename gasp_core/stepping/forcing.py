@@ -87,16 +87,19 @@ def walls_of(collider: Collider) -> Sequence[Collider]:
 
 
 def problem_fingerprint(problem: PointProblem) -> str:
-    """SHA-256 of all that a problem says, to the last bit, but for its hints: what a checkpoint may be known by."""
+    """SHA-256 of all that a problem says, to the last bit: what a checkpoint may be known by.
+
+    But for its hints, and where points are led, which is longer in a run that is made longer.
+    """
     digest = hashlib.sha256()
-    for arrays in (problem.points, problem.trajectories):
-        for field in () if arrays is None else dataclasses.fields(arrays):
-            value = getattr(arrays, field.name)
-            columns = sorted(value.items()) if isinstance(value, dict) else [(field.name, value)]
-            for name, array in columns:
-                if array is not None:
-                    digest.update(f"{field.name} {name} {array.dtype.str} {array.shape};".encode())
-                    digest.update(np.ascontiguousarray(array).tobytes())
+    given = [(field.name, getattr(problem.points, field.name)) for field in dataclasses.fields(problem.points)]
+    given += [] if problem.trajectories is None else [("led", problem.trajectories.rows)]
+    for field, value in given:
+        columns = sorted(value.items()) if isinstance(value, dict) else [(field, value)]
+        for name, array in columns:
+            if array is not None:
+                digest.update(f"{field} {name} {array.dtype.str} {array.shape};".encode())
+                digest.update(np.ascontiguousarray(array).tobytes())
     for field in dataclasses.fields(problem):
         if field.name not in ("points", "trajectories", "hints"):
             # Frozen dataclasses of numbers, whose repr has every digit.

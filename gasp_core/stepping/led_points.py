@@ -76,6 +76,8 @@ class LedPoints:
 
         Between two moments Simpson's rule is exact, and a difference of places over a short time would not be.
         """
+        if self._segment(begin)[0] is None:
+            return np.zeros_like(self.start)
         first, middle, last = (self.velocities(time) for time in (begin, (begin + end) / 2, end))
         return (first + 4 * middle + last) / 6
 

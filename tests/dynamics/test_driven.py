@@ -108,11 +108,11 @@ def descriptor(*, leads=True):
 def record(tmp_path, scene_of):
     count = iter(range(1000))
 
-    def go(splat, motion, engine=None, parts=(LEFT,), **others) -> Recording:
+    def go(splat, motion, engine=None, parts=(LEFT,), trust_code=False, **others) -> Recording:
         given = {"duration": TIME, "frame_rate": RATE, "gravity": STILL} | others
         scene = scene_of(splat, motion=motion, parts=parts, **given)
         out = tmp_path / f"{next(count)}.gasp"
-        return simulate(scene, engine or (descriptor(), Falling()), out, progress=False)
+        return simulate(scene, engine or (descriptor(), Falling()), out, trust_code=trust_code, progress=False)
 
     return go
 
@@ -263,6 +263,54 @@ def test_a_run_goes_on_to_the_bit_and_may_be_made_longer(scene_of, cloud, tmp_pa
         assert np.array_equal(parts.simplices(frame)["thing"], whole.simplices(frame)["thing"]), frame
 
 
+@pytest.mark.parametrize("place", ["region", "labels"])
+def test_a_function_that_a_scene_names_drives_too(record, cloud, tmp_path, place):
+    """All else of the scene is looked at before it is imported, and where the parts are is for it to say."""
+    (tmp_path / "mover.py").write_text("def psi(simplices, time):\n    return simplices + [0, 0, time]\n")
+    splat = cloud(60)
+    labels = (splat.means[:, 0] <= 0).astype(np.int64)
+    part = LEFT if place == "region" else Part(labels=labels, label=1, driven=True)
+    motion = PythonMotion(function=f"{tmp_path / 'mover.py'}:psi", composition="driven")
+    run = record(splat, motion, parts=(part,), trust_code=True)
+    driven = labels == 1
+    found = run.simplices(run.frame_count - 1)["thing"][driven, 0] - splat.means[driven]
+    np.testing.assert_allclose(found, np.tile([0, 0, TIME], (driven.sum(), 1)), atol=1e-6)
+
+
+def test_where_psi_stands_still_nothing_has_a_velocity(record, cloud, tmp_path):
+    """Beyond its last frame, whatever the schedule says."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    splat = cloud(60)
+    for index in range(4):
+        write_splat(folder / f"{index}.ply", splat.with_(means=flow(splat.means, index / 10)))
+    engine = Falling()
+    motion = FrameSequence(frame_rate=10, composition="driven", schedule=((0, 5), (10, 4)))
+    record(folder, motion, (descriptor(), engine), up="+z")
+    assert not engine.problem.points.initial_velocities.any()
+
+
+def test_what_psi_flattens_is_not_crushed(record, cloud):
+    """Its shape is somebody's wish."""
+    flattening = PythonMotion(function=lambda points, s: points * [1, 1, 1 - 0.99 * s / TIME], composition="driven")
+    run = record(cloud(60), flattening, parts=(ALL_OF_IT,))
+    assert run.status == "complete"
+
+
+def test_a_run_that_is_made_longer_is_of_the_same_problem(scene_of, cloud):
+    from gasp_core.reduction.leading import trajectories_of
+    from gasp_core.simulation.splat_sources import prepare
+    from gasp_core.stepping.forcing import problem_fingerprint
+
+    prints = set()
+    for duration in (0.08, 0.2):
+        scene = scene_of(cloud(30), motion=SWING, parts=(LEFT,), duration=duration, frame_rate=RATE, accuracy=COARSE)
+        assembly = prepare(scene).assembly
+        trajectories = trajectories_of(scene, assembly.leads, lambda frame, last: None)
+        prints.add(problem_fingerprint(dataclasses.replace(assembly.problem, trajectories=trajectories)))
+    assert len(prints) == 1
+
+
 # What is refused.
 
 
@@ -308,7 +356,7 @@ def test_a_part_that_no_point_is_of_is_refused(record, cloud):
 
 def test_a_table_that_nobody_could_hold_is_refused(record, cloud, monkeypatch):
     monkeypatch.setattr("gasp_core.reduction.leading._MOST_BYTES", 1000)
-    with pytest.raises(SceneError, match=r"driven points over 10 frames.*cores"):
+    with pytest.raises(SceneError, match=r"driven points over 9 frames.*cores"):
         record(cloud(100), SWING)
 
 

@@ -75,6 +75,7 @@ def test_after_the_last_moment_they_rest():
     np.testing.assert_allclose(led.positions(5.0), led.start + parabola(0.7), atol=1e-6)
     assert not led.velocities(5.0).any()
     assert led.fastest(0.7) == 0
+    assert not led.mean_velocities(0.7, 0.75).any()
     single = led_along(lambda t: np.zeros(3), np.zeros(1))
     np.testing.assert_array_equal(single.positions(1.0), single.start)
     assert not single.velocities(0.0).any()
