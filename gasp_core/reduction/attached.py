@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.reduction.affine_fits import affine_fits
 from gasp_core.reduction.clusters import cluster_apart, scatter
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 
@@ -71,25 +72,11 @@ class Attached:
 
         Its corners lie in the plane along which these extend most.
         """
-        return self._fit(rest, velocities)
+        return affine_fits(rest, velocities, self.labels).at(self.points)
 
     def follower(self, rest: Array) -> Callable[[Array], Array]:
         """See `TransferOperator`."""
-        return lambda moves: self._fit(rest, moves)
-
-    def _fit(self, rest: Array, values: Array) -> Array:
-        owners = np.repeat(self.labels, rest.shape[1])
-        places, values = rest.reshape(-1, 3), values.reshape(-1, 3)
-        counts, centres, covariances = scatter(places, owners, np.ones(len(places)))
-        means = np.stack([np.bincount(owners, column) / counts for column in values.T], axis=1)
-        arms = places - centres[owners]
-        products = np.zeros((len(counts), 3, 3))
-        for i in range(3):
-            for j in range(3):
-                products[:, i, j] = np.bincount(owners, values[:, i] * arms[:, j]) / counts
-        slopes = products @ np.linalg.pinv(covariances, rcond=1e-9, hermitian=True)
-        ways = np.einsum("cij,cvj->cvi", slopes, self.points - centres[:, None])
-        return (means[:, None] + ways).reshape(-1, 3)
+        return lambda moves: affine_fits(rest, moves, self.labels).at(self.points)
 
     @property
     def leaders(self) -> Array:

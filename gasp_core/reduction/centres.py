@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.moments import known_inverses
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import add_normals
@@ -57,9 +58,7 @@ class Centres:
         if not self.neighbours.shape[1]:
             return np.zeros((len(self.points), 3, 3))
         arms = self.points[self.neighbours] - self.points[:, None]
-        values, axes = np.linalg.eigh(arms.transpose(0, 2, 1) @ arms)
-        known = values > np.maximum(_FLAT * values[:, 2:], np.finfo(np.float64).tiny)
-        inverses = (axes * np.where(known, 1 / np.where(known, values, 1.0), 0.0)[:, None]) @ axes.transpose(0, 2, 1)
+        inverses, axes, known = known_inverses(arms.transpose(0, 2, 1) @ arms, _FLAT)
         changes = displacements[self.neighbours] - displacements[:, None]
         gradients = changes.transpose(0, 2, 1) @ arms @ inverses
         add_normals(gradients, axes, np.flatnonzero(known.sum(axis=1) == 2))

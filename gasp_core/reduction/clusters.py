@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gasp_core.reduction.occupancy import occupied_cells
 from gasp_core.stepping.threads import processors
 
-__all__ = ["cluster", "cluster_apart", "scatter"]
+__all__ = ["averages", "cluster", "cluster_apart", "scatter"]
 
 Array = NDArray[Any]
 
@@ -77,6 +77,12 @@ def scatter(positions: Array, labels: Array, weights: Array) -> tuple[Array, Arr
             covariances[:, i, j] = np.bincount(labels, weights * offsets[:, i] * offsets[:, j]) / total
             covariances[:, j, i] = covariances[:, i, j]
     return total, means, covariances
+
+
+def averages(matrices: Array, labels: Array, weights: Array) -> Array:
+    """Weighted means (C, 3, 3) of matrices (N, 3, 3) by cluster."""
+    columns = (np.bincount(labels, weights * column) for column in matrices.reshape(-1, 9).T)
+    return np.stack(list(columns), axis=1).reshape(-1, 3, 3) / np.bincount(labels, weights)[:, None, None]
 
 
 def _settled(positions: Array, labels: Array) -> Array:

@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.games import magnify
+from gasp_core.moments import spread_along
+from gasp_core.reduction.affine_fits import affine_fits
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.attached import Attached, sample_attached
-from gasp_core.reduction.clusters import cluster_apart, scatter
+from gasp_core.reduction.clusters import averages, cluster_apart, scatter
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer, add_normals
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
@@ -32,8 +34,6 @@ Array = NDArray[Any]
 
 _CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 """Four points of mean zero and covariance one."""
-_THIN = 1e-9
-"""Least share of a cluster's shortest axis squared in its longest one squared for a slope of velocities along it."""
 _ROUNDING = 1e-9
 """Of a body's size, that a core may be off by and still be of its cluster: coordinates are rounded at 1e-16 of it, a
 cluster of a million adds up as many of these."""
@@ -47,30 +47,6 @@ class Level:
 
     cores: Cores
     transfer: Transfer
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fits:
-    """Affine fits, one for each of C cores.
-
-    Parameters
-    ----------
-    centres : (C, 3) [m]
-    means : (C, 3)
-        Of the values.
-    slopes : (C, 3, 3)
-        Of them, along the axes that are known.
-    axes : (C, 3, 3)
-        Principal ones, columns, the shortest first.
-    known : (C, 3) bool
-        Those that the vertices extend along.
-    """
-
-    centres: Array
-    means: Array
-    slopes: Array
-    axes: Array
-    known: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,35 +78,20 @@ class Levels:
 
         Along axes that they do not extend along, L is what keeps right angles to the others right.
         """
-        fits = self._fits(rest, velocities)
-        known, slopes = _spread(fits.axes, fits.known), fits.slopes
-        return self._at_corners(fits, slopes - known @ slopes.transpose(0, 2, 1) @ _spread(fits.axes, ~fits.known))
+        fits = affine_fits(rest, velocities, self.labels)
+        known, slopes = spread_along(fits.axes, fits.known), fits.slopes
+        slopes = slopes - known @ slopes.transpose(0, 2, 1) @ spread_along(fits.axes, ~fits.known)
+        return fits.at(self.levels[0].cores.points, slopes)
 
     def follower(self, rest: Array) -> Callable[[Array], Array]:
         """See `TransferOperator`: the same fit, and the normal of a flat core goes to the one that it has now."""
 
         def follow(moves: Array) -> Array:
-            fits = self._fits(rest, moves)
+            fits = affine_fits(rest, moves, self.labels)
             add_normals(fits.slopes, fits.axes, np.flatnonzero(fits.known.sum(axis=1) == 2))
-            return self._at_corners(fits, fits.slopes)
+            return fits.at(self.levels[0].cores.points)
 
         return follow
-
-    def _fits(self, rest: Array, values: Array) -> _Fits:
-        """Of the values (N, V, 3) of vertices at (N, V, 3) [m]."""
-        places, values = rest.reshape(-1, 3), values.reshape(-1, 3)
-        owners = np.repeat(self.labels, rest.shape[1])
-        counts, centres, covariances = scatter(places, owners, np.ones(len(owners)))
-        means = np.stack([np.bincount(owners, column) / counts for column in values.T], axis=1)
-        products = _averages(values[:, :, None] * (places - centres[owners])[:, None], owners, np.ones(len(owners)))
-        extents, axes = np.linalg.eigh(covariances)
-        known = extents > _THIN * extents[:, 2:]
-        slopes = products @ _spread(axes, np.where(known, 1 / np.where(known, extents, 1.0), 0.0))
-        return _Fits(centres=centres, means=means, slopes=slopes, axes=axes, known=known)
-
-    def _at_corners(self, fits: _Fits, slopes: Array) -> Array:
-        arms = self.levels[0].cores.points - fits.centres[:, None]
-        return (fits.means[:, None] + np.einsum("cij,cvj->cvi", slopes, arms)).reshape(-1, 3)
 
     @property
     def labels(self) -> Array:
@@ -187,7 +148,7 @@ class Matter:
     def clustered(self, labels: Array) -> Matter:
         """Of the clusters."""
         volumes, means, between = scatter(self.means, labels, self.volumes)
-        within = _averages(self.covariances, labels, self.volumes)
+        within = averages(self.covariances, labels, self.volumes)
         return Matter(volumes=volumes, means=means, covariances=between + within)
 
 
@@ -318,17 +279,6 @@ def _counts(gaussians: int, cores: int, levels: int) -> list[int]:
     """Cores of each level, from the finest to the engine's; the numbers fall by the same factor each time."""
     share = (cores / gaussians) ** (1 / levels)
     return [*(max(cores, math.ceil(gaussians * share**level)) for level in range(1, levels)), cores]
-
-
-def _averages(matrices: Array, labels: Array, weights: Array) -> Array:
-    """Weighted means (C, 3, 3) of matrices (N, 3, 3) by cluster."""
-    columns = (np.bincount(labels, weights * column) for column in matrices.reshape(-1, 9).T)
-    return np.stack(list(columns), axis=1).reshape(-1, 3, 3) / np.bincount(labels, weights)[:, None, None]
-
-
-def _spread(axes: Array, values: Array) -> Array:
-    """Symmetric matrices (C, 3, 3) of these principal axes (C, 3, 3), columns, and values (C, 3)."""
-    return (axes * values[:, None]) @ axes.transpose(0, 2, 1)
 
 
 def corners_of(matter: Matter, floor: float) -> Array:

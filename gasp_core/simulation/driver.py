@@ -177,7 +177,8 @@ def simulate_part(
             shown.say(note)
         if found is not None:
             refuse_other(found, header, chosen.descriptor, options)
-        if prepared.assembly.leads:
+        # psi is asked for every frame: not where none is left to do.
+        if prepared.assembly.leads and (found is None or found.frame_count < end):
             prepared = _with_trajectories(scene, prepared, shown)
         if found is not None:
             writer, last, restart = RecordingWriter.resume(found, wanted)

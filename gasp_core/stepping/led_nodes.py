@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
+from gasp_core.moments import known_inverses
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.threads import processors
 
@@ -214,9 +215,7 @@ class _Slopes:
     def of(cls, positions: Array, neighbours: Array) -> Self:
         """Of points at positions (K, 3) [m]."""
         arms = positions[neighbours] - positions[:, None]
-        values, axes = np.linalg.eigh(arms.transpose(0, 2, 1) @ arms)
-        known = values > np.maximum(_FLAT * values[:, 2:], np.finfo(np.float64).tiny)
-        inverses = (axes * np.where(known, 1 / np.where(known, values, 1.0), 0.0)[:, None]) @ axes.transpose(0, 2, 1)
+        inverses, axes, known = known_inverses(arms.transpose(0, 2, 1) @ arms, _FLAT)
         flat = np.flatnonzero(known.sum(axis=1) == 2)
         tangents = axes[flat][:, :, 1:].transpose(0, 2, 1)
         return cls(neighbours=neighbours, arms=arms, inverses=inverses, tangents=tangents, flat=flat)

@@ -8,6 +8,7 @@ import math
 import flying_points
 import numpy as np
 import pytest
+from scripted_engine import Scripted
 from splat_shells import SHAPES, shell
 
 import gasp_core
@@ -25,7 +26,7 @@ from gasp_core import (
     simulate,
     write_splat,
 )
-from gasp_core.contract import Elastic, PointState, Status, StepReport
+from gasp_core.contract import Elastic, PointState
 from gasp_core.errors import RecordingError, SceneError, UnsupportedSceneError
 from gasp_core.games import to_simplices
 from gasp_core.gaussians import rotation_matrices
@@ -73,26 +74,14 @@ def flow(points, s):
     return points + np.stack([0.3 * s * np.sin(2 * y), 0.2 * s * x * z, 0.25 * np.sin(s) * x**2], axis=-1)
 
 
-class Falling:
+class Falling(Scripted):
     """Led points are led; all others move by (0, 0, -t), exactly."""
-
-    def open(self, problem, **others):
-        self.problem, self.led, self.time = problem, LedPoints.of(problem), 0.0
-        return self
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def advance_to(self, time):
-        self.time = time
-        return StepReport(status=Status.OK, substep_count=1, smallest_substep=time, largest_substep=time)
 
     def read(self, fields):
         positions = self.problem.points.reference_positions - [0, 0, self.time]
-        positions[self.led.rows] = self.led.positions(self.time)
+        led = LedPoints.of(self.problem)
+        assert led is not None
+        positions[led.rows] = led.positions(self.time)
         return PointState(time=self.time, positions=positions)
 
     def checkpoint(self):

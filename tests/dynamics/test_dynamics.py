@@ -9,6 +9,7 @@ from functools import partial
 import flying_points
 import numpy as np
 import pytest
+from scripted_engine import Scripted
 from splat_shells import SHAPES, shell
 
 from gasp_core import (
@@ -28,7 +29,7 @@ from gasp_core import (
     simulate,
     write_splat,
 )
-from gasp_core.contract import PointState, Status, StepReport
+from gasp_core.contract import PointState
 from gasp_core.dynamics.function_motion import CallableMotion
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.games import to_simplices
@@ -93,29 +94,14 @@ def expected_psi(motion, points, s):
     return pivot + np.reshape(turned, points.shape)
 
 
-class Known:
+class Known(Scripted):
     """An engine whose phi is x -> gradient(t) x + shift(t)."""
 
     def __init__(self, gradient=lambda t: np.eye(3), shift=lambda t: np.zeros(3)):
         self.gradient, self.shift = gradient, shift
 
-    def open(self, problem, **others):
-        self.time, self.start = 0.0, problem.points.reference_positions
-        self.velocities = problem.points.initial_velocities
-        return self
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def advance_to(self, time):
-        self.time = time
-        return StepReport(status=Status.OK, substep_count=1, smallest_substep=time, largest_substep=time)
-
     def read(self, fields):
-        moved = self.start @ self.gradient(self.time).T + self.shift(self.time)
+        moved = self.problem.points.reference_positions @ self.gradient(self.time).T + self.shift(self.time)
         return PointState(time=self.time, positions=moved)
 
     def moves(self, points):
@@ -284,20 +270,20 @@ def test_frozen_begins_where_psi_is_and_with_its_velocity(record, cloud, vertice
     speed = SWING.rate * np.radians(SWING.amplitude) * 2 * np.pi * SWING.frequency * math.cos(phase)
     expected = speed * np.cross([0, 1, 0], run.start_points - SWING.pivot)
     assert np.abs(expected).max() > 0.4
-    np.testing.assert_allclose(engine.velocities, expected, atol=1e-6)
+    np.testing.assert_allclose(engine.problem.points.initial_velocities, expected, atol=1e-6)
 
 
 def test_frozen_without_the_velocity(record, cloud):
     engine = Known()
     record(cloud(), dataclasses.replace(SWING, composition="frozen", start_velocity=False), engine)
-    assert not engine.velocities.any()
+    assert not engine.problem.points.initial_velocities.any()
 
 
 def test_carried_begins_at_rest(record, cloud):
     """Its velocity is in the displacement that is carried."""
     engine = Known()
     record(cloud(), SWING, engine)
-    assert not engine.velocities.any()
+    assert not engine.problem.points.initial_velocities.any()
 
 
 @pytest.mark.parametrize("covariance", ["exact", "gram_schmidt"])
@@ -423,7 +409,7 @@ def test_velocity_of_frames(record, frames, cloud):
     motion = dataclasses.replace(SEQUENCE, start=0.1, composition="frozen", rate=2.0)
     record(folder, motion, engine, up="+z")
     expected = 2.0 * (flow(splat.means, 0.2) - flow(splat.means, 0.0)) / 0.2
-    np.testing.assert_allclose(engine.velocities.reshape(40, 4, 3)[:, 0], expected, atol=1e-5)
+    np.testing.assert_allclose(engine.problem.points.initial_velocities.reshape(40, 4, 3)[:, 0], expected, atol=1e-5)
 
 
 def test_rows_that_are_not_the_same_gaussians_are_refused(record, frames, cloud):

@@ -8,6 +8,7 @@ import math
 import flying_points
 import numpy as np
 import pytest
+from scripted_engine import Scripted
 
 from gasp_core import (
     EngineAccuracy,
@@ -18,7 +19,7 @@ from gasp_core import (
     Swing,
     simulate,
 )
-from gasp_core.contract import Field, PointState, Status, StepReport
+from gasp_core.contract import Field, PointState
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices, rotation_quaternions
 from gasp_core.recording.verifying import verify
@@ -30,31 +31,23 @@ TIME = 0.12
 STRAIN = np.array([[1.2, 0.4, 0], [0, 0.8, -0.3], [0.1, 0, 1.1]])
 
 
-class Known:
+class Known(Scripted):
     """x -> gradient(t) x + (0, 0, -t), its own F shown."""
 
     def __init__(self, gradient):
         self.gradient = gradient
 
-    def open(self, problem, **others):
-        self.time, self.start = 0.0, problem.points.reference_positions
-        return self
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def advance_to(self, time):
-        self.time = time
-        return StepReport(status=Status.OK, substep_count=1, smallest_substep=time, largest_substep=time)
-
     def read(self, fields):
         gradient = self.gradient(self.time / TIME)
-        shown = np.tile(gradient, (len(self.start), 1, 1)) if Field.DEFORMATION_GRADIENTS in fields else None
+        shown = (
+            np.tile(gradient, (len(self.problem.points.reference_positions), 1, 1))
+            if Field.DEFORMATION_GRADIENTS in fields
+            else None
+        )
         return PointState(
-            time=self.time, positions=self.start @ gradient.T - [0, 0, self.time], deformation_gradients=shown
+            time=self.time,
+            positions=self.problem.points.reference_positions @ gradient.T - [0, 0, self.time],
+            deformation_gradients=shown,
         )
 
     def checkpoint(self):
