@@ -116,7 +116,7 @@ def pack(
         origin=tuple(source.origin.tolist()),
         quantum=quantum,
         largest_error=largest,
-        alpha=recording.header.maps["alpha"],
+        alpha=None if source.bounded else recording.header.maps["alpha"],
         bodies=source.headers,
         camera=camera,
         colliders=colliders,
@@ -173,6 +173,11 @@ class _Source:
     headers: tuple[BodyHeader, ...]
     files: tuple[dict[str, bytes], ...]
     moving: tuple[MovingBody, ...]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether simplices are bounded here: whoever draws would bound what psi stretches as well."""
+        return any(body.drifts for body in self.recording.header.bodies)
 
     @classmethod
     def of(cls, recording: Recording) -> _Source:
@@ -255,7 +260,7 @@ def _frames(
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
         relative, shifts = recording.displacements(frame)
-        recorded = recording.simplices(frame)
+        recorded = recording.bounded_simplices(frame) if source.bounded else recording.simplices(frame)
         for body, moving, header, writer, shift in zip(
             recording.bodies, source.moving, source.headers, writers, shifts
         ):

@@ -301,6 +301,15 @@ class Recording(ShownInNotebooks):
             for body, mean, drift in zip(self.bodies, means, drifts)
         }
 
+    def bounded_simplices(self, frame: int) -> dict[str, Array]:
+        """The same as they are drawn: the control rule has bounded what physics stretches, and not what psi does."""
+        relative, means = self.displacements(frame)
+        found: dict[str, Array] = {}
+        for body, mean, drift in zip(self.bodies, means, self._drifts(self.commit(frame))):
+            moved = moved_gaussians(body, relative[body.points], self._maps, drift=drift, shift=mean)
+            found[body.name] = moved.simplices + (body.block.centre + mean)
+        return found
+
     def gaussians(self, frame: int) -> Gaussians:
         """The whole scene at a frame: every drawn Gaussian, static ones too, in the order of the files.
 

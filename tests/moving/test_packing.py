@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import shutil
@@ -10,7 +11,19 @@ import zipfile
 import numpy as np
 import pytest
 
-from gasp_core import MovingSplat, Recording, Reduction, SphereShape, Swing, pack, read_splat
+from gasp_core import (
+    EngineAccuracy,
+    MovingSplat,
+    Part,
+    PythonMotion,
+    Recording,
+    Reduction,
+    SphereShape,
+    Swing,
+    pack,
+    read_splat,
+    simulate,
+)
 from gasp_core.errors import GaspError, RecordingError
 from gasp_core.games import matter_rotations
 from gasp_core.moving.header import HEADER
@@ -242,3 +255,30 @@ def test_a_run_that_stopped_before_its_first_frame(recorded, tmp_path):
     with pytest.raises(RecordingError):
         pack(Recording.open(recording.path), tmp_path / "a.sog")
     assert not (tmp_path / "a.sog").exists()
+
+
+@pytest.mark.parametrize("composition", ["carried", "driven"])
+def test_what_psi_stretches_is_not_bounded(scene_of, cloud, tmp_path, composition):
+    """Nine times as large, where physics may stretch by two, and an object beside it that physics alone moves."""
+    everywhere = Part(region=SphereShape(center=(0, 0, 0), radius=9), driven=True)
+    growing = PythonMotion(function=lambda points, s: (1 + 100 * s) * points, composition=composition)
+    scene = scene_of(
+        cloud(40),
+        motion=growing,
+        parts=(everywhere,) if composition == "driven" else (),
+        duration=0.08,
+        gravity=(0, 0, 0),
+        accuracy=EngineAccuracy(resolution=8),
+    )
+    other = dataclasses.replace(scene.objects[0], name="other", motion=None, parts=(), position=(50.0, 0, 0))
+    scene = dataclasses.replace(scene, objects=(*scene.objects, other))
+    recording = simulate(scene, "reference-mpm", tmp_path / "run.gasp", progress=False)
+    pack(recording, tmp_path / "a.sog")
+    splat, (order, _) = MovingSplat.open(tmp_path / "a.sog"), _order(recording)
+    last = len(splat) - 1
+    found, wanted = splat.gaussians(last), recording.gaussians(last).select(order)
+    grown = np.sort(wanted.scales, axis=1) / np.sort(recording.reference.select(order).scales, axis=1)
+    assert splat.header.alpha is None
+    assert grown.max() == pytest.approx(9, rel=1e-3) and grown.min() == pytest.approx(1, rel=1e-2)
+    # Scales to the steps of a codebook.
+    np.testing.assert_allclose(np.sort(found.scales, axis=1), np.sort(wanted.scales, axis=1), rtol=0.06)
