@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import SplatRenderer
-from gasp_core.rendering.framing import Motion, direction, distance_for, framed, orbiting
-from gasp_core.rendering.silhouettes import Extent, Sight, outline, seen_from
+from gasp_core.rendering.framing import Motion, as_near_as_may_be, direction, distance_for, framed, orbiting
+from gasp_core.rendering.silhouettes import SAFE, Extent, Sight, outline, seen_from
 
 __all__ = ["Subject", "extreme_frames", "fitted", "moving_cameras", "well_framed"]
 
@@ -63,7 +63,10 @@ def well_framed(cameras: Sequence[Camera], motion: Motion, subject: Subject, ren
     standing = all(camera is cameras[0] for camera in cameras)
     frames = extreme_frames(cameras[0], motion) if standing else list(motion.clouds())
     whole = _joined([seen_from(cameras[frame], outline(subject(frame)), renderer) for frame in frames])
-    return whole is not None and whole.well
+    if whole is None or whole.well:
+        return whole is not None
+    # A needle that points at the camera cannot fill its picture: nothing of it may be behind the eye.
+    return whole.reach <= SAFE and standing and as_near_as_may_be(cameras[0], motion.points)
 
 
 def extreme_frames(camera: Camera, motion: Motion) -> list[int]:

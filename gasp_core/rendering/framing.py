@@ -15,7 +15,16 @@ from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.footage import Moving
 from gasp_core.scene.placement import robust_box
 
-__all__ = ["Motion", "direction", "distance_for", "frame_motion", "framed", "motion_of", "orbiting"]
+__all__ = [
+    "Motion",
+    "as_near_as_may_be",
+    "direction",
+    "distance_for",
+    "frame_motion",
+    "framed",
+    "motion_of",
+    "orbiting",
+]
 
 Array = NDArray[Any]
 
@@ -24,6 +33,8 @@ _MARGIN = 1.15
 _FIELD_OF_VIEW = 35.0
 _NEAREST = 2e-3
 """Of what is looked at, that it stays away from it at the least."""
+_AS_NEAR = 1.5
+"""Times as far: what is seen of points is as far away as they are, but for a pixel and for what is in front."""
 _FRAMES = 48
 """Frames whose extent is measured: motion is smooth, and reading all of a long recording takes its time."""
 _POINTS = 4_000
@@ -138,6 +149,12 @@ def framed(points: Array, toward: Array, *, width: int, height: int) -> Camera:
     eye = np.array([*(above + below) / 2, ahead])
     distance = (nearest + farthest) / 2 - ahead
     return orbiting((eye + [0.0, 0.0, distance]) @ turned.rotation, toward, distance, width, height)
+
+
+def as_near_as_may_be(camera: Camera, points: Array) -> bool:
+    """Whether `framed` lets a camera come no nearer to points (N, 3), or to what is seen of them."""
+    depths = camera.project(points)[1]
+    return float(depths.min()) <= _AS_NEAR * _NEAREST * _reach(points.min(axis=0), points.max(axis=0))
 
 
 def _reach(lower: Array, upper: Array) -> float:

@@ -249,3 +249,24 @@ def test_a_camera_is_read_from_a_scene_and_written_into_one(text, tmp_path):
 def test_what_is_wrong_with_a_viewpoint_is_told_by_its_place(tmp_path):
     with pytest.raises(SceneError, match=r"camera\.path\[0\]\.target.*must not be the position"):
         read(tmp_path, SCENE + "path = [{ time = 0, position = [0, 0, 1], target = [0, 0, 1] }]")
+
+
+@pytest.mark.parametrize(
+    ("seed", "stretch", "view"), [(0, (0.25, 0.125, 34.0), "top"), (0, (0.125, 20.0, 0.125), "back")]
+)
+def test_a_needle_that_points_at_the_camera_is_as_large_as_it_may_be(dots_of, seed, stretch, view):
+    """Its nearest end is at the eye, and the rest of it small: no camera that looks that way fills its picture more."""
+    start = cloud(seed, stretch=stretch)
+    footage = Clouds(start, start + 0.5 * np.array(stretch))
+    motion = motion_of(footage)
+    around, above = VIEWS[view]
+    camera = frame_motion(motion, width=640, height=360, around=around, above=above)
+    found = fitted(camera, motion, footage.subject, dots_of())
+    assert not seen_from(found, footage.subject(0), dots_of()).extent.well
+    assert well_framed([found] * 2, motion, footage.subject, dots_of())
+    assert not well_framed(
+        [dataclasses.replace(found, translation=found.translation + [0, 0, 1.0])] * 2,
+        motion,
+        footage.subject,
+        dots_of(),
+    )
