@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import click
 
-from gasp_core.cli.export import SUFFIXES
+from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_frames
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.up_axes import UP_AXES
 
@@ -88,46 +88,16 @@ of frames is played by motion = { kind = "frames" } in a scene.
 @click.argument("splat", type=click.Path(path_type=Path))
 @click.argument("exported", metavar="SOUP", type=click.Path(path_type=Path))
 @click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    "-o",
-    metavar="PATH",
-    type=click.Path(path_type=Path),
-    help="The file for one frame, the folder for more. [default: SPLAT_moved.ply, SPLAT_moved]",
-)
-@click.option(
-    "--format", "suffix", type=click.Choice([name for name in SUFFIXES if name != "usd"]), help="[default: ply]"
-)
+@frame_options
 @overwrite_option("files")
 def import_soup(
     splat: Path, exported: Path, moved: tuple[Path, ...], out: Path | None, suffix: str | None, overwrite: bool
 ) -> None:
     """Write what SPLAT has become, whose soup, as it was exported, is SOUP, and was moved to MOVED."""
-    from gasp_core.io import read_splat, write_splat
+    from gasp_core.io import read_splat
     from gasp_core.io.soups import read_positions, read_soup, splat_of
-    from gasp_core.progress import counting
 
     gaussians, known = read_splat(splat), read_soup(exported)
-    positions = {path: read_positions(path, known) for path in moved}
-    ending = SUFFIXES[suffix or "ply"]
-    names = [
-        path.stem if len(each) == 1 else f"{path.stem}_{k:04d}"
-        for path, each in positions.items()
-        for k in range(len(each))
-    ]
-    if len(names) == 1 and (out is None or out.suffix):
-        paths = [out if out is not None else Path(f"{splat.stem}_moved{ending}")]
-    else:
-        folder = out if out is not None else Path(f"{splat.stem}_moved")
-        paths = [folder / f"{name}{ending}" for name in names]
-    if len(set(paths)) < len(names) or len(positions) < len(moved):
-        raise click.UsageError("two of MOVED have one name: their frames would have too")
-    keep_what_is_there(paths, overwrite)
-    frames = (each[k] for each in positions.values() for k in range(len(each)))
-    with counting(None, "frames", len(paths)) as done:
-        for path, frame in zip(paths, frames):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_splat(path, splat_of(known, gaussians, frame))
-            done()
-    first, last = paths[0], paths[-1]
-    click.echo(f"{first.parent}: {len(paths)} files, {first.name} to {last.name}" if len(paths) > 1 else str(first))
+    frames = {path: read_positions(path, known) for path in moved}
+    paths = paths_of_frames(splat, frames, len(moved), out, suffix, overwrite)
+    write_frames(paths, (splat_of(known, gaussians, each) for found in frames.values() for each in found))

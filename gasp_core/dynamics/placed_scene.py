@@ -22,6 +22,7 @@ from gasp_core.scene.columns import column_digest
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import DMiSoMotion, FrameSequence, Motion, PythonMotion
 from gasp_core.scene.objects import SplatObject, columns_of
+from gasp_core.scene.placed_mesh import mesh_digest
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest
 
@@ -83,6 +84,8 @@ def read_source(item: SplatObject) -> tuple[Gaussians, str]:
     """The Gaussians of an object, of what is trained to move those at the first time, and the digest of all of it."""
     gaussians, digest = _read_splat_and_motion(item)
     digests = [found for column in columns_of(item) if (found := column_digest(column))]
+    if item.reduction.mesh is not None:
+        digests.append(mesh_digest(item.reduction.mesh))
     if digests:
         digest = hashlib.sha256(" ".join([digest, *digests]).encode()).hexdigest()
     return gaussians, digest

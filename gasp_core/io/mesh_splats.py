@@ -19,7 +19,7 @@ from gasp_core.gaussians import Gaussians, rotation_quaternions
 from gasp_core.io.activations import colour_to_dc
 from gasp_core.io.painted_meshes import PaintedMesh
 
-__all__ = ["Binding", "bind_to_mesh", "splat_of_mesh"]
+__all__ = ["Binding", "bind_to_mesh", "face_frames", "face_of_each", "in_face_frames", "splat_of_mesh"]
 
 Array = NDArray[Any]
 
@@ -43,9 +43,8 @@ class Binding:
         N of them, at rest.
     corners : (N, 3)
         Rows of the mesh's vertices: the face of each.
-    coefficients : (N, V, 4)
-        Each vertex of the simplex is so much of the corners and of the point above the first one, by the root of twice
-        the face's area; rows add up to 1.
+    coefficients : (N, V, 3)
+        Each vertex of the simplex is so far from the first corner in the face's frame, see `face_frames`.
     """
 
     gaussians: Gaussians
@@ -67,7 +66,8 @@ class Binding:
             )
         if not np.isfinite(vertices).all():
             raise SplatFormatError("vertices of the mesh are not finite")
-        return from_simplices(self.coefficients @ _frames(vertices[self.corners]), reference=self.gaussians)
+        corners = vertices[self.corners]
+        return from_simplices(corners[:, :1] + self.coefficients @ face_frames(corners), reference=self.gaussians)
 
 
 def splat_of_mesh(mesh: PaintedMesh, count: int) -> Binding:
@@ -157,35 +157,49 @@ def bind_to_mesh(gaussians: Gaussians, vertices: Array, faces: Array) -> Binding
     SplatFormatError
         Where libigl is not installed, or something is not finite.
     """
+    vertices = np.asarray(vertices, dtype=np.float64)
+    corners, _ = face_of_each(gaussians, vertices, np.asarray(faces, dtype=np.int64))
+    return _bound(gaussians, vertices, corners, choose_vertices(gaussians))
+
+
+def face_of_each(gaussians: Gaussians, vertices: Array, faces: Array) -> tuple[Array, Array]:
+    """Corners (N, 3) of the face, of (F, 3), that is nearest to the mean of each Gaussian, and how far it is (N,).
+
+    Raises
+    ------
+    SplatFormatError
+        Where libigl is not installed, or something is not finite.
+    """
     try:
         import igl
     except ImportError:
         raise SplatFormatError("the nearest faces are found by libigl: pip install 'gasp-core[meshes]'") from None
-    vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64)
     means = gaussians.means.astype(np.float64)
     if not (np.isfinite(means).all() and np.isfinite(vertices).all()):
         raise SplatFormatError("a splat that is not finite, or a mesh, cannot be bound: drop what is not")
     finding: Any = igl
-    nearest = np.asarray(finding.point_mesh_squared_distance(means, vertices, faces)[1]).reshape(-1)
-    return _bound(gaussians, vertices, faces[nearest], choose_vertices(gaussians))
+    squares, nearest, _ = finding.point_mesh_squared_distance(means, vertices, faces)
+    return faces[np.asarray(nearest).reshape(-1)], np.sqrt(np.asarray(squares).reshape(-1))
 
 
 def _bound(gaussians: Gaussians, vertices: Array, corners: Array, count: int) -> Binding:
-    frames = _frames(vertices[corners])
-    edges = frames[:, 1:] - frames[:, :1]
     simplices = to_simplices(gaussians, 4 if count == 4 else 3)
-    # Places relative to the first corner, in edges and height: x - v1 = c @ edges.
-    relative = (simplices - frames[:, :1]) @ np.linalg.inv(edges)
-    first = 1 - relative.sum(axis=2, keepdims=True)
-    return Binding(gaussians=gaussians, corners=corners, coefficients=np.concatenate([first, relative], axis=2))
+    return Binding(gaussians=gaussians, corners=corners, coefficients=in_face_frames(simplices, vertices[corners]))
 
 
-def _frames(corners: Array) -> Array:
-    """Corners (N, 3, 3) and the point above the first, (N, 4, 3)."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def in_face_frames(simplices: Array, corners: Array) -> Array:
+    """Coefficients (N, V, 3): where the vertices (N, V, 3) of simplices are from the first of the corners (N, 3, 3) of
+    their faces, x - v1 = c @ frame."""
+    return (simplices - corners[:, :1]) @ np.linalg.inv(face_frames(corners))
+
+
+def face_frames(corners: Array) -> Array:
+    """Of faces with corners (N, 3, 3): rows (N, 3, 3), two edges and what stands on them, as long as the root of twice
+    the face's area."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normals = np.cross(first, second)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    heights = normals / np.sqrt(np.where(lengths > 0, lengths, 1.0))
-    return np.concatenate([corners, corners[:, :1] + heights[:, None]], axis=1)
+    return np.stack([first, second, normals / np.sqrt(np.where(lengths > 0, lengths, 1.0))], axis=1)
 
 
 def _discs(corners: Array, room: float | None) -> tuple[Array, Array]:

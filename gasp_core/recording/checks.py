@@ -86,7 +86,7 @@ def _check_bodies(header: Header) -> None:
         most = _CORNERS * (item.last - item.first)
         _expect(_name(body.carrier) and type(body.drifts) is bool, "a body has no carrier")
         # What fills a body is as many as the grid asks for.
-        fits = body.carrier == "volume" or body.last - body.first <= most
+        fits = body.carrier in ("mesh", "volume") or body.last - body.first <= most
         _expect(fits, "a body has more points than its Gaussians have corners")
         _expect(body.motion is None or _fields(body.motion), "a motion is none")
         last, before = body.last, body.item
@@ -189,6 +189,14 @@ def check_carrier(arrays: Mapping[str, Array], body: BodyEntry, count: int, *, d
         labels = _shape(arrays, "labels", (count,), "i")
         _expect(_within(labels, len(cores)), "labels names cores that there are not")
         _expect(len(np.unique(labels)) == len(cores), "a core carries nothing")
+        return
+    if body.carrier == "mesh":
+        _shape(arrays, "points", (points, 3), "f")
+        corners = _shape(arrays, "corners", (count, 3), "i")
+        _expect(_within(corners, points), "corners names points that there are not")
+        _shape(arrays, "coefficients", (count, body.vertices, 3), "f")
+        standing = _shape(arrays, "standing_for", (points,), "i")
+        _expect(_within(standing, count), "standing_for names rows that there are not")
         return
     if body.carrier == "volume":
         _check_points(arrays, points, count)

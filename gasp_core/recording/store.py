@@ -33,7 +33,7 @@ _WIDEST = 12
 _WIDE = 400
 """Bytes for each Gaussian that a carrier may take whatever its files hold: one that drifts takes 320."""
 _CARRIER = re.compile(
-    r"unmoved|driven|magnification|points|spacing|neighbours|order|labels|weights|standing_for"
+    r"unmoved|driven|magnification|points|spacing|neighbours|order|labels|weights|standing_for|corners|coefficients"
     r"|(gradients|levels/[0-9]/transfer)/(labels|neighbours|weights|inverses|fallen|order)|levels/[0-9]/points"
 )
 """Arrays of carriers."""

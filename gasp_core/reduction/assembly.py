@@ -19,6 +19,7 @@ from gasp_core.reduction.centres import sample_centres
 from gasp_core.reduction.choosing import Choice, chosen_mode, chosen_resolution, reduction_of, size_of
 from gasp_core.reduction.cores import Levels, sample_cores
 from gasp_core.reduction.leading import Lead, driven_gaussians, trajectories_at_rest
+from gasp_core.reduction.mesh import OnFaces, sample_mesh
 from gasp_core.reduction.part_points import matter_of_points
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.surfaces import colliders_of, rigid_surfaces
@@ -27,6 +28,7 @@ from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.body_contacts import default_contact, pair_contacts
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
+from gasp_core.scene.placed_mesh import mesh_of
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.stepping.grid import GridAnchor
 
@@ -220,6 +222,10 @@ def _sample(
         return sample_all(block, floor, spacing, drifts=drifts)
     if reduction.mode == "centres":
         return sample_centres(block, spacing)
+    if reduction.mode == "mesh":
+        return sample_mesh(
+            block, mesh_of(placed), spacing, placed.item.name, known if isinstance(known, OnFaces) else None
+        )
     if reduction.mode == "volume":
         frames = known if isinstance(known, PointFrames) else None
         return sample_volume(block, reduction, placed.solid(), placed.item.region, spacing, placed.item.name, frames)

@@ -21,6 +21,7 @@ from gasp_core.reduction.occupancy import occupied_cells
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.reduction.volume import POINTS_A_CELL
 from gasp_core.scene.objects import Reduction, laws_of
+from gasp_core.scene.placed_mesh import mesh_of
 from gasp_core.scene.placed_solid import FEW
 from gasp_core.scene.selection import PlacedObject
 
@@ -123,7 +124,7 @@ def chosen_resolution(objects: Sequence[PlacedObject], modes: Mapping[str, str])
     whose = "" if leading == largest else f' of "{objects[leading].item.name}"'
     why = f"for the {wanted[leading][1]}{whose}"
     resolution = max(_FEWEST, _LADDER * math.ceil(cells[leading] / _LADDER - 0.25))
-    filled = sum(placed.solid().volume for placed in objects if modes[placed.item.name] == "volume")
+    filled = sum(_filled(placed, modes[placed.item.name]) for placed in objects)
     most = max(sizes) * (_MOST_POINTS / (POINTS_A_CELL * filled)) ** (1 / 3) if filled else math.inf
     if resolution > most:
         resolution = max(_FEWEST, _LADDER * math.floor(most / _LADDER))
@@ -146,20 +147,39 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
     means = placed.gaussians.means[placed.moving & ~placed.floating]
     if mode in ("all", "centres"):
         return _filled_by(len(means) // _GAUSSIANS_A_CELL, means, size), "number of its Gaussians"
+    if mode == "mesh":
+        mesh = mesh_of(placed)
+        if not mesh.filled:
+            return _filled_by(len(mesh.vertices) // _GAUSSIANS_A_CELL, mesh.vertices, size), "vertices of its mesh"
+        # The mean depth in a slab is a quarter of its thickness, which is twice its volume to its area.
+        return _layered(placed, size, mesh.volume / mesh.area / 2)
     if reduction.mode == "cores":
         corners = 4 * reduction.cores_of(int(placed.moving.sum()))
         return _filled_by(corners // CORNERS_A_CELL, means, size), "number of its cores"
     if mode == "cores":
         return float(_LAYERS), "thinness"
-    least = _LAYERS if any(map(_flows, laws_of(placed.item))) else _COARSEST
     solid = placed.solid()
     inside = solid.solid.distance[solid.solid.distance < 0]
     depth = -float(inside.mean(dtype=np.float64)) * solid.scale if len(inside) else solid.detail
     # The mean depth in a slab is a quarter of its thickness, and so it is in a ball, of its radius.
+    return _layered(placed, size, depth)
+
+
+def _layered(placed: PlacedObject, size: float, depth: float) -> tuple[float, str]:
+    """Cells along an object of this size whose matter is `depth` [m] deep in the mean."""
+    least = _LAYERS if any(map(_flows, laws_of(placed.item))) else _COARSEST
     cells = min(max(size / depth, least), _FINEST)
     if cells == least and least == _LAYERS:
         return cells, "layers that it flows into"
     return cells, f"thickness of its matter, some {4e3 * depth:.2g} mm"
+
+
+def _filled(placed: PlacedObject, mode: str) -> float:
+    """Volume [m^3] of an object that is filled with points, by the spacing."""
+    if mode == "volume":
+        return placed.solid().volume
+    mesh = mesh_of(placed) if mode == "mesh" else None
+    return mesh.volume if mesh is not None and mesh.filled else 0.0
 
 
 def _flows(material: Material) -> bool:

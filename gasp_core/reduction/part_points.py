@@ -139,7 +139,7 @@ def part_of_points(
         index: np.asarray(part.region.signed_distance(points) <= 0)
         for index, part in enumerate(parts)
         # Elsewhere points are of single Gaussians, or of clusters of them, and go where those do.
-        if part.region is not None and carrier.kind == "volume"
+        if part.region is not None and carrier.kind in ("mesh", "volume")
     }
     for one, other in combinations(inside, 2):
         shared = int((inside[one] & inside[other]).sum())

@@ -8,7 +8,6 @@ piece, of its mass, mean and covariance, as cores are; a crumb is a point.
 from __future__ import annotations
 
 import functools
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +19,7 @@ from gasp_core.errors import SceneError
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.clusters import scatter
 from gasp_core.reduction.cores import Matter, corners_of
+from gasp_core.reduction.lattice import PER_CELL, lattice_inside
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
@@ -29,11 +29,7 @@ __all__ = ["POINTS_A_CELL", "Filling", "fill", "sample_volume"]
 
 Array = NDArray[Any]
 
-_PER_CELL = 2
-"""Points along each side of a cell."""
-POINTS_A_CELL = _PER_CELL**3
-_LEAST = 0.02
-"""Share of a point's volume below which it is none: it would weigh nothing and be moved all the same."""
+POINTS_A_CELL = PER_CELL**3
 _SHEET = 0.75
 """Side, in cells, of the cubes whose pieces of a sheet are one."""
 _CRUMB = 1 / 3
@@ -45,8 +41,6 @@ _JITTER = 0.25
 _ROUNDING = 1e-3
 """Distances of points by which one may be off and still be the same: distances in a solid are single precision, and a
 detail is hundreds of steps of an iteration."""
-_SAMPLES = np.array(list(itertools.product((-0.25, 0.25), repeat=3)))
-_AT_ONCE = 2**21
 _DOUBTFUL = 0.25
 """Of its volume: where it is less certain, a user should look at the body."""
 _FOOT = 0.75
@@ -76,7 +70,7 @@ def fill(solid: PlacedSolid, spacing: float, *, jittered: bool = False, seed: in
 
     `jittered`: not on a lattice but up to a quarter of their distance off it; those that the surface cuts stay.
     """
-    step = spacing / _PER_CELL
+    step = spacing / PER_CELL
     positions, shares = _lattice(solid, step)
     if jittered:
         shift = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, positions.shape) * step
@@ -134,7 +128,7 @@ def sample_volume(
             f'object "{name}": there is nothing to fill{where}: its Gaussians enclose no volume and are no sheets,'
             ' as faint or lone ones are; say reduction = { mode = "all" }'
         )
-    step = spacing / _PER_CELL
+    step = spacing / PER_CELL
     carrier = known
     if known is None or not _same(known, positions - block.centre, len(block.local), step):
         carrier = PointFrames.build(
@@ -164,32 +158,12 @@ def _same(known: PointFrames, points: Array, gaussians: int, step: float) -> boo
 
 
 def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
-    """Points (P, 3) of a lattice that are inside, moved into the middle of what is, and their shares (P,), to 1."""
+    """Points (P, 3) of a lattice that are inside, and their shares (P,)."""
     nodes = solid.nodes_inside()
     if not len(nodes):
         return np.zeros((0, 3)), np.zeros(0)
     lower, upper = nodes.min(axis=0) - 2 * solid.spacing, nodes.max(axis=0) + 2 * solid.spacing
-    counts = np.ceil((upper - lower) / step).astype(int)
-    first = (lower + upper) / 2 - step * (counts - 1) / 2
-    found: list[Array] = []
-    slab = max(1, _AT_ONCE // int(counts[1] * counts[2]))
-    for begin in range(0, int(counts[0]), slab):
-        axes = [first[0] + step * np.arange(begin, min(begin + slab, int(counts[0])))]
-        axes += [first[axis] + step * np.arange(int(counts[axis])) for axis in (1, 2)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        # The far corner of a cube is half its diagonal off.
-        found.append(points[solid.distance_at(points) < 0.87 * step])
-    points = np.concatenate(found)
-    shares = np.ones(len(points))
-    cut = np.flatnonzero(solid.distance_at(points) > -0.87 * step)
-    inside = np.stack(
-        [np.clip(0.5 - solid.distance_at(points[cut] + step * corner) / (0.5 * step), 0.0, 1.0) for corner in _SAMPLES],
-        axis=1,
-    )
-    shares[cut] = inside.mean(axis=1)
-    points[cut] += step * (inside @ _SAMPLES) / np.maximum(inside.sum(axis=1, keepdims=True), _LEAST)
-    kept = shares > _LEAST
-    return points[kept], shares[kept]
+    return lattice_inside(solid.distance_at, lower, upper, step)
 
 
 def _sheets(solid: PlacedSolid, spacing: float, filled: Array) -> tuple[Array, Array]:

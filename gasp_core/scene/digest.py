@@ -89,7 +89,10 @@ def _object(item: SplatObject, source: str) -> dict[str, Any]:
     if isinstance(motion, PythonMotion):
         # What the function does, the digest of the object's source knows; where it lies decides nothing.
         motion = dataclasses.replace(motion, function="any:function")
-    item = with_columns(dataclasses.replace(item, motion=motion, up=_up(item)), _anywhere)
+    reduction = item.reduction
+    if reduction.mesh is not None:
+        reduction = dataclasses.replace(reduction, mesh=Path("any"))
+    item = with_columns(dataclasses.replace(item, motion=motion, up=_up(item), reduction=reduction), _anywhere)
     return what_differs(dataclasses.replace(item, splat=Path(source)))
 
 

@@ -161,12 +161,14 @@ def _placed_beside(scene: Scene, folder: Path) -> Scene:
     def moved(column: Column) -> Column:
         return here(column) if isinstance(column, Path) else column
 
-    objects = tuple(
-        dataclasses.replace(
-            with_columns(item, moved), splat=here(item.splat) if isinstance(item.splat, Path) else item.splat
-        )
-        for item in scene.objects
-    )
+    def at_home(item: SplatObject) -> SplatObject:
+        reduction = item.reduction
+        if reduction.mesh is not None:
+            reduction = dataclasses.replace(reduction, mesh=here(reduction.mesh))
+        splat = here(item.splat) if isinstance(item.splat, Path) else item.splat
+        return dataclasses.replace(with_columns(item, moved), splat=splat, reduction=reduction)
+
+    objects = tuple(map(at_home, scene.objects))
     colliders = tuple(
         dataclasses.replace(one, shape=dataclasses.replace(one.shape, file=folder / one.shape.file))
         if isinstance(one.shape, FileShape)
@@ -283,7 +285,9 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     if table.has("rotation"):
         values["rotation"] = table.numbers("rotation", (3, 4))
     if table.has("reduction"):
-        values["reduction"] = table.table("reduction").build(Reduction)
+        reduction = table.table("reduction")
+        mesh: dict[str, Any] = {"mesh": path_of(reduction, "mesh", folder)} if reduction.has("mesh") else {}
+        values["reduction"] = reduction.build(Reduction, **mesh)
     if table.has("solid"):
         values["solid"] = table.table("solid").build(SolidOptions)
     if table.has("region"):

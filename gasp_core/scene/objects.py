@@ -53,7 +53,8 @@ class Reduction:
         "all": every vertex of every simplex, as in the paper. "cores": the corners of few Gaussians that stand for
         clusters of the object's own. "volume": points that fill the body that the Gaussians are the surface of, eight
         a cell. "centres": the means alone, whose covariances follow the engine's deformation gradient, as PhysGaussian
-        has it. "auto": "volume" where there is such a body, "cores" where it is thin, "all" where Gaussians are few.
+        has it. "mesh": the vertices of a triangle mesh, whose faces the Gaussians lie on, as GaMeS has it. "auto":
+        "volume" where there is such a body, "cores" where it is thin, "all" where Gaussians are few.
     fraction, count
         Cores for each Gaussian of the object that moves, in 0..1, or their number; one of the two, with "cores".
     levels
@@ -62,7 +63,12 @@ class Reduction:
         "least-squares": a Gaussian follows an affine fit to the cores around it; "frame": the frame of its own core, as
         in the paper; "d-miso": attached to flat triangles, as D-MiSo has it. None with "cores": "least-squares".
     points
-        "regular": on a lattice; "jittered": off it by up to a quarter of their distance. None with "volume": "regular".
+        With "volume", "regular", which None means: on a lattice; "jittered": off it by a quarter of their distance.
+        With "mesh", "vertices": those alone; "filled": what the mesh encloses too. None: "filled" where it is closed.
+    mesh
+        File of triangles, in the splat's own frame and unit; with "mesh".
+    mesh_up
+        The mesh's axis that is up where the splat's is. None: they lie in one frame.
 
     Raises
     ------
@@ -75,7 +81,9 @@ class Reduction:
     count: int | None = None
     levels: int | None = None
     transfer: Literal["least-squares", "frame", "d-miso"] | None = None
-    points: Literal["regular", "jittered"] | None = None
+    points: Literal["regular", "jittered", "vertices", "filled"] | None = None
+    mesh: Path | None = None
+    mesh_up: UpAxis | None = None
 
     def __post_init__(self) -> None:
         own = {
@@ -83,19 +91,22 @@ class Reduction:
             "all": (),
             "centres": (),
             "volume": ("points",),
+            "mesh": ("points", "mesh", "mesh_up"),
             "cores": ("fraction", "count", "levels", "transfer"),
         }
         if self.mode not in own:
             raise SceneError(
-                f'Reduction.mode must be "auto", "all", "centres", "cores" or "volume", found {self.mode!r}'
+                f'Reduction.mode must be "auto", "all", "centres", "cores", "mesh" or "volume", found {self.mode!r}'
             )
-        for name in ("fraction", "count", "levels", "transfer", "points"):
+        for name in ("fraction", "count", "levels", "transfer", "points", "mesh", "mesh_up"):
             if name not in own[self.mode] and getattr(self, name) is not None:
                 raise SceneError(f'Reduction.{name} has no meaning with mode = "{self.mode}": leave it out')
         if self.mode == "volume":
             object.__setattr__(self, "points", self.points or "regular")
             if self.points not in ("regular", "jittered"):
                 raise SceneError(f'Reduction.points must be "regular" or "jittered", found {self.points!r}')
+        if self.mode == "mesh":
+            self._check_mesh()
         if self.mode != "cores":
             return
         if (self.fraction is None) == (self.count is None):
@@ -117,6 +128,15 @@ class Reduction:
             )
         if self.transfer == "d-miso" and self.levels != 1:
             raise SceneError(f'Reduction.levels must be 1 with transfer = "d-miso", found {self.levels}')
+
+    def _check_mesh(self) -> None:
+        if self.mesh is None:
+            raise SceneError('Reduction.mesh is missing: mode "mesh" wants a file of triangles')
+        object.__setattr__(self, "mesh", Path(self.mesh))
+        if self.points not in (None, "vertices", "filled"):
+            raise SceneError(f'Reduction.points must be "vertices" or "filled" with a mesh, found {self.points!r}')
+        if self.mesh_up not in (None, *UP_AXES):
+            raise SceneError(f"Reduction.mesh_up must be one of {', '.join(UP_AXES)}, found {self.mesh_up!r}")
 
     def with_cores(self, *, fraction: float | None = None, count: int | None = None) -> Reduction:
         """The same with so many cores, levels and transfer as they are; with neither a fraction nor a count: "all"."""
@@ -252,6 +272,11 @@ class SplatObject:
             raise SceneError(
                 f'SplatObject.parts of "{self.name}": one is driven, and nothing drives it: give the object a motion'
                 ' with composition = "driven"'
+            )
+        if self.reduction.mode == "mesh" and self.region is not None:
+            raise SceneError(
+                f'SplatObject.region of "{self.name}" has no meaning with reduction.mode = "mesh", which moves as a'
+                " whole: leave it out (a part that is pinned holds what is to stay)"
             )
         if self.motion is not None:
             _check_motion(self, self.motion)

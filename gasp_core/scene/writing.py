@@ -105,6 +105,8 @@ def _object(item: SplatObject, beside: Path | None) -> dict[str, Any]:
         values["splat"] = MEMORY + gaussians_digest(item.splat)
     elif not str(item.splat).startswith(MEMORY):
         values["splat"] = path_from(item.splat, beside)
+    if item.reduction.mesh is not None:
+        values["reduction"]["mesh"] = path_from(item.reduction.mesh, beside)
     if item.material is not None:
         values["material"] = material_table(item.material, beside)
     del values["parts"]

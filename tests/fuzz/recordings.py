@@ -286,6 +286,7 @@ def _scene(name: str) -> Any:
         "driven": every,
         "centres": Reduction(mode="centres"),
         "attached": Reduction(mode="cores", count=8, transfer="d-miso"),
+        "mesh": Reduction(mode="mesh", mesh=_cage()),
     }
     reduction = reductions.get(kind)
     if kind == "driven":
@@ -309,6 +310,29 @@ def _scene(name: str) -> Any:
         accuracy=EngineAccuracy(resolution=64 if name.startswith("all") else 5),
         recording=RecordingChoice(checkpoint_frames=2, velocities=degree > 0),
     )
+
+
+@functools.cache
+def _cage() -> Path:
+    """A mesh around everything."""
+    path = Path(tempfile.mkdtemp()) / "cage.obj"
+    corners = list(itertools.product((-1.5, 1.5), repeat=3))
+    faces = [
+        (1, 2, 4),
+        (1, 4, 3),
+        (5, 7, 8),
+        (5, 8, 6),
+        (1, 5, 6),
+        (1, 6, 2),
+        (3, 4, 8),
+        (3, 8, 7),
+        (1, 3, 7),
+        (1, 7, 5),
+    ]
+    faces += [(2, 6, 8), (2, 8, 4)]
+    lines = [*("v {} {} {}".format(*each) for each in corners), *("f {} {} {}".format(*each) for each in faces)]
+    path.write_text("\n".join(lines))
+    return path
 
 
 def _ball(rng: np.random.Generator) -> Any:
@@ -357,7 +381,7 @@ def recording_seeds() -> list[RecordingSeed]:
     """Carried in every way, finished and cut short, and those that earlier versions wrote."""
     seeds: list[RecordingSeed] = []
     with tempfile.TemporaryDirectory() as folder:
-        kinds = ("cores", "all", "volume", "driven", "centres", "attached")
+        kinds = ("cores", "all", "volume", "driven", "centres", "attached", "mesh")
         for kind, ending in itertools.product(kinds, ("whole", "cut")):
             name, frames = f"{kind}_{ending}", 4 if ending == "cut" else None
             path = Path(folder) / f"{name}.gasp"

@@ -168,6 +168,7 @@ def contents(
 
 
 OF_MOTIONS = frozenset({"composition", "start", "rate", "schedule", "start_velocity"})
+OF_MESHES, OF_CORES = frozenset({"mesh", "mesh_up", "points"}), frozenset({"fraction", "count", "levels", "transfer"})
 OF_FRAMES = frozenset({"frame_rate", "match"})
 CENTER, FILE, KIND = frozenset({"center"}), {"file": None}, {"kind": None}
 OF_PLACES = frozenset({"file", "height", "metres_per_unit", "position", "rotation"})
@@ -176,7 +177,8 @@ KEY_TABLES = {
     "scene": ("`[scene]`", "schema", contents(Scene, without=TABLES_OF_THEIR_OWN, besides={"schema": SCHEMA})),
     "object": ("`[[object]]`", "name", contents(SplatObject)),
     "solid": ("`[[object]]`", "interior", contents(SolidOptions)),
-    "reduction": ("`[[object]]`", "fraction", contents(Reduction, without=frozenset({"mode", "points"}))),
+    "reduction": ("`[[object]]`", "fraction", contents(Reduction, without=OF_MESHES | {"mode"})),
+    "mesh": ("`[[object]]`", "mesh", contents(Reduction, without=OF_CORES | {"mode"})),
     "part": ("`[[object.part]]`", "name", contents(Part)),
     "motion": ("`[object.motion]`", "kind", contents(FrameSequence, without=OF_FRAMES, besides=KIND)),
     "d-miso": ("`[object.motion]`", "duration", contents(DMiSoMotion, without=OF_MOTIONS)),

@@ -238,7 +238,7 @@ def test_velocities_of_a_rigid_motion_go_on_into_the_body():
         ({"mode": "volume", "count": 3}, 'count has no meaning with mode = "volume"'),
         ({"mode": "volume", "points": "random"}, '"regular" or "jittered"'),
         ({"mode": "all", "points": "regular"}, 'points has no meaning with mode = "all"'),
-        ({"mode": "solid"}, '"all", "centres", "cores" or "volume"'),
+        ({"mode": "solid"}, '"all", "centres", "cores", "mesh" or "volume"'),
     ],
 )
 def test_what_has_no_meaning_is_refused(options, says):

@@ -153,7 +153,7 @@ REFUSED = {
     "a number for all": (DESIGN.replace('mode = "all"', 'mode = "all", count = 5'), ["reduction.count", "no meaning"]),
     "no such mode": (
         DESIGN.replace('"all"', '"few"'),
-        ["reduction.mode", '"all", "centres", "cores" or "volume"', "few"],
+        ["reduction.mode", '"all", "centres", "cores", "mesh" or "volume"', "few"],
     ),
     "coarse": (DESIGN.replace("resolution = 64", "resolution = 1"), ["accuracy.resolution", ">= 2"]),
     "fraction of a cell": (DESIGN.replace("resolution = 64", "resolution = 6.5"), ["accuracy.resolution", "whole"]),
