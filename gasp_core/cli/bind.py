@@ -43,8 +43,8 @@ def bind(
 ) -> None:  # fmt: skip
     """Move a splat with a mesh that another program moves.
 
-    Writes what SPLAT becomes where MESH becomes MOVED. Each Gaussian belongs to the face nearest to it, and is moved, turned and stretched as that is. Meshes are .obj,
-    .glb, .stl or .ply (takes trimesh).
+    Writes what SPLAT becomes where MESH becomes MOVED. Each Gaussian belongs to the face nearest to it, and is moved,
+    turned and stretched as that is. Meshes are .obj, .glb, .stl or .ply (takes trimesh).
     """
     import numpy as np
 
