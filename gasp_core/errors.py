@@ -11,6 +11,7 @@ from typing import Any
 
 __all__ = [
     "AccuracyError",
+    "BackendError",
     "DuplicateEngineError",
     "EngineCrashedError",
     "EngineDivergedError",
@@ -52,6 +53,10 @@ class SplatFormatError(GaspError):
 
 class UnsupportedSceneError(GaspError):
     """The scene needs something the chosen engine does not declare."""
+
+
+class BackendError(GaspError):
+    """There is nobody who could make the runs that were asked for: no scheduler, no workers, no package."""
 
 
 class EngineDivergedError(GaspError):

@@ -108,6 +108,8 @@ class _Lines(_Watched):
 
     pause = 10.0
     """Seconds between two of them."""
+    digits = 1
+    """Behind the point of what is done: parts of frames are, of other things not."""
 
     def __init__(self, frames: int) -> None:
         super().__init__(frames)
@@ -139,7 +141,7 @@ class _Lines(_Watched):
         if self.done >= self.frames:
             return f"{self.phase} {self.frames} of {self.frames}: {since}"
         left = f", about {duration(self.left)} left" if self.left == self.left else ""
-        return f"{self.phase} {self.done:.1f} of {self.frames}: {since} so far{left}"
+        return f"{self.phase} {self.done:.{self.digits}f} of {self.frames}: {since} so far{left}"
 
 
 class _Cell(_Lines):
@@ -224,18 +226,19 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def counting(shown: bool | None, what: str, total: int) -> Generator[Callable[[], None]]:
-    """A bar for `total` like steps, and a function to call after each; None: on terminals and in notebooks."""
-    if shown is not False and in_notebook():
+def counting(shown: Shown, what: str, total: int) -> Generator[Callable[[], None]]:
+    """A bar for `total` like steps, and a function to call after each; shown as `Shown` says."""
+    lines = shown == "log" and not sys.stderr.isatty()
+    if shown is not False and (lines or in_notebook()):
         done = 0
 
         def step() -> None:
             nonlocal done
             done += 1
 
-        with _Cell(total + 1) as cell:
-            cell.watch(lambda: done)
-            cell.phase = what
+        with _Cell(total + 1) if in_notebook() else _Lines(total + 1) as told:
+            told.watch(lambda: done)
+            told.phase, told.digits = what, 0
             yield step
         return
     if shown is False or (shown is None and not sys.stderr.isatty()):

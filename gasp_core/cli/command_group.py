@@ -22,6 +22,7 @@ BUILT_IN = {
         "gasp_core.cli.tradeoff:tradeoff",
         "Measure error against time, and say which settings are worth it.",
     ),
+    "sweep": ("gasp_core.cli.sweep:sweep", "Run a scene with many settings: a table with a row a run."),
     "engines": ("gasp_core.cli.engines:engines", "List the engines: what they can do, and which are broken."),
     "materials": (
         "gasp_core.cli.materials:materials",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.picture_size import Size
@@ -43,16 +44,8 @@ Open comparison.html in a browser: tables, films side by side, plots.
     help="Where it all goes. [default: the scene's name with .compare, in the current folder]",
 )
 @settings_options
-@click.option(
-    "--jobs",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Engines at a time; they share the processors then, and times are not those of a run alone.",
-)
-@click.option(
-    "--time-limit", metavar="S", type=click.FloatRange(min=0, min_open=True), help="Give an engine up after S seconds."
+@makers_options(
+    "Engines at a time; they share the processors then, and times are not those of a run alone. [default: 1]"
 )
 @click.option("--size", type=Size(), default="480x360", show_default=True, help="Of a film, in pixels.")
 @most_memory_option
@@ -64,8 +57,7 @@ def compare(
     engines: str | None,
     out: Path | None,
     settings: Settings,
-    jobs: int,
-    time_limit: float | None,
+    makers: Makers,
     size: tuple[int, int],
     overwrite: bool,
     trust_code: bool,
@@ -80,6 +72,8 @@ def compare(
     from gasp_core.errors import AccuracyError
 
     folder = Path(scene.stem + ".compare") if out is None else out
+    jobs = makers.jobs or 1
+    backend, limits = makers.chosen(jobs), makers.limits(jobs)
     loaded = settings.load(scene)
     trusted = code_is_trusted(loaded, trust_code)
     try:
@@ -91,7 +85,8 @@ def compare(
             device=settings.device,
             precision=settings.precision,
             at_once=jobs,
-            time_limit=time_limit,
+            limits=limits,
+            backend=backend,
             size=size,
             overwrite=overwrite,
             trust_code=trusted,

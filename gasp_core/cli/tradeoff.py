@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.printing import print_json, print_table
@@ -122,7 +123,7 @@ FRONT marks the settings that no other one beats in both error and time.
     help="Where table and plot go. [default: the scene's name with .tradeoff, in the current folder]",
 )
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Of the order of the runs.")
-@click.option("--time-limit", metavar="SECONDS", type=click.FloatRange(min=0, min_open=True), help="Of each run.")
+@makers_options("Runs at a time; times are not those of a run alone then. [default: 1]")
 @most_memory_option
 @trust_code_option
 @click.option("--keep", is_flag=True, help="Keep a recording of each setting, and the truth's.")
@@ -141,7 +142,7 @@ def tradeoff(
     truth: str | None,
     out: Path | None,
     seed: int,
-    time_limit: float | None,
+    makers: Makers,
     keep: bool,
     overwrite: bool,
     trust_code: bool,
@@ -163,6 +164,8 @@ def tradeoff(
     if resolutions is None and loaded.accuracy.spacing is not None:
         raise click.UsageError("the scene names a spacing, which fixes its resolution: say --resolutions")
     folder = out if out is not None else Path(scene.stem + ".tradeoff")
+    jobs = makers.jobs or 1
+    backend = makers.chosen(jobs)
     trusted = code_is_trusted(loaded, trust_code)
     result = measured(
         loaded,
@@ -182,7 +185,8 @@ def tradeoff(
         keep=keep,
         overwrite=overwrite,
         trust_code=trusted,
-        time_limit=time_limit,
+        limits=makers.limits(jobs),
+        backend=backend,
         progress=False if as_json else None,
     )
     if as_json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 import tomllib
@@ -25,18 +24,16 @@ from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
 from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.changes import changed
-from gasp_core.scene.columns import Column
-from gasp_core.scene.file_shapes import FileShape
+from gasp_core.scene.files import with_files
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import MOTIONS, Motion, PythonMotion
-from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject, with_columns
+from gasp_core.scene.objects import UP_AXES, Floaters, Reduction, SplatObject
 from gasp_core.scene.part_tables import read_part
 from gasp_core.scene.reading_materials import read_material
 from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Viewpoint
 from gasp_core.scene.shape_tables import path_of, read_collider, read_contact, read_shape
 from gasp_core.scene.tables import StoredTable, Table, kind_of
-from gasp_core.scene.writing import MEMORY
 from gasp_core.solid.options import SolidOptions
 
 __all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
@@ -149,36 +146,7 @@ def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tu
     """
     forgotten: list[str] = []
     scene = _read(migrated(StoredTable(file, "", _tables(text, file), forgotten), 1), None)
-    return scene if beside is None else _placed_beside(scene, beside), tuple(forgotten)
-
-
-def _placed_beside(scene: Scene, folder: Path) -> Scene:
-    """The same with relative paths of files starting at a folder."""
-
-    def here(path: Path) -> Path:
-        return path if str(path).startswith(MEMORY) else folder / path
-
-    def moved(column: Column) -> Column:
-        return here(column) if isinstance(column, Path) else column
-
-    def at_home(item: SplatObject) -> SplatObject:
-        reduction = item.reduction
-        if reduction.mesh is not None:
-            reduction = dataclasses.replace(reduction, mesh=here(reduction.mesh))
-        splat = here(item.splat) if isinstance(item.splat, Path) else item.splat
-        return dataclasses.replace(with_columns(item, moved), splat=splat, reduction=reduction)
-
-    objects = tuple(map(at_home, scene.objects))
-    colliders = tuple(
-        dataclasses.replace(one, shape=dataclasses.replace(one.shape, file=folder / one.shape.file))
-        if isinstance(one.shape, FileShape)
-        else one
-        for one in scene.colliders
-    )
-    camera = scene.camera
-    if camera is not None and camera.file is not None:
-        camera = dataclasses.replace(camera, file=folder / camera.file)
-    return dataclasses.replace(scene, objects=objects, colliders=colliders, camera=camera)
+    return scene if beside is None else with_files(scene, lambda path: beside / path), tuple(forgotten)
 
 
 def read_stored_motion(values: Mapping[str, Any], *, file: str) -> Motion:

@@ -15,10 +15,10 @@ warp-mpm, 0.6 in taichi-mpm, and about as long for 1,000."""
 
 
 def processors() -> int:
-    """Number of processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
+    """Number of processors this process may use; no more than `GASP_THREADS` says in the environment."""
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    told = os.environ.get("GASP_THREADS", "")
+    return max(1, min(there or 1, int(told) if told.isdecimal() and int(told) else there or 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from gasp_core.studies.comparison.filming import film_all
 from gasp_core.studies.comparison.measures import Comparison, Likeness, Pair, Row
 from gasp_core.studies.comparison.page import page_of
 from gasp_core.studies.comparison.running import chosen_engines, notes_of, run_all, runs_of
-from gasp_core.studies.runs import Outcome, Run, check_limits
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, check_limits
 
 __all__ = ["compare"]
 
@@ -47,6 +47,8 @@ def compare(
     precision: Precision | None = None,
     at_once: int = 1,
     time_limit: float | None = None,
+    limits: Limits | None = None,
+    backend: Backend | None = None,
     size: tuple[int, int] = (480, 360),
     overwrite: bool = False,
     trust_code: bool = False,
@@ -74,7 +76,12 @@ def compare(
     at_once
         How many engines run at a time; their times are those of runs alone only with 1.
     time_limit
-        Wall time [s] of each, after which it is given up; None: none.
+        Wall time [s] of each, after which it is given up; None: as `limits` says.
+    limits
+        Of each; None: none.
+    backend
+        Who makes the runs, see `gasp_core.studies.runs.chosen_backend`, where `out` can be seen from; None: this
+        machine.
     size [px]
         Of the films and of the pictures that are compared.
     overwrite
@@ -112,7 +119,7 @@ def compare(
         for run in runs_of(scene, names, folder, device=device, precision=precision)
     ]
     _make_room(earlier)
-    outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, progress=progress)
+    outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, limits=limits, backend=backend, progress=progress)
     recordings = {
         outcome.key: Recording.open(outcome.recording)
         for outcome in outcomes

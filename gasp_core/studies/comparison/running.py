@@ -16,7 +16,7 @@ from gasp_core.errors import PluginLoadError, RecordingError, SceneError, Unknow
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.scene.model import Scene, engine_notes
-from gasp_core.studies.runs import Outcome, Run, carry_out
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, carry_out
 
 __all__ = ["chosen_engines", "notes_of", "run_all", "runs_of"]
 
@@ -81,10 +81,25 @@ def notes_of(scene: Scene, runs: Sequence[Run]) -> tuple[str, ...]:
     return tuple(note for run in runs if run.key in known for note in engine_notes(scene, run.scene, known[run.key]))
 
 
-def run_all(runs: Sequence[Run], *, at_once: int, time_limit: float | None, progress: bool | None) -> list[Outcome]:
+def run_all(
+    runs: Sequence[Run],
+    *,
+    at_once: int,
+    time_limit: float | None,
+    limits: Limits | None,
+    backend: Backend | None,
+    progress: bool | None,
+) -> list[Outcome]:
     """Carry them out, with a bar over the frames of all."""
     with _frames_counted(runs, progress) as done:
-        return carry_out(runs, at_once=at_once, time_limit=time_limit, finished=lambda outcome: done(outcome.key))
+        return carry_out(
+            runs,
+            at_once=at_once,
+            time_limit=time_limit,
+            limits=limits,
+            backend=backend,
+            finished=lambda outcome: done(outcome.key),
+        )
 
 
 @contextmanager

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from gasp_core.studies.runs.backends import BACKENDS, Backend, chosen_backend
 from gasp_core.studies.runs.batch import carry_out, check_limits
-from gasp_core.studies.runs.outcome import Outcome, Run, RunStatus
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
 
-__all__ = ["RunStatus", "Outcome", "Run", "carry_out", "check_limits"]
+__all__ = [
+    "BACKENDS", "Backend", "Limits", "Outcome", "Run", "RunStatus", "carry_out", "check_limits", "chosen_backend",
+]  # fmt: skip

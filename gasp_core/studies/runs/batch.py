@@ -1,23 +1,19 @@
-"""Carries out several runs through joblib, which may have them done here, elsewhere, one by one or at once."""
+"""Carries out several runs, here or elsewhere, one by one or at once."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import io
 import os
 import pickle
-import shutil
 import sys
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gasp_core.errors import EngineEnvironmentError, RecordingError, SceneError
-from gasp_core.processes.scratch import Scratch
-from gasp_core.studies.runs.outcome import Outcome, Run, RunStatus
-from gasp_core.studies.runs.supervisor import Surroundings, keep, surroundings
+from gasp_core.errors import EngineEnvironmentError, SceneError
+from gasp_core.studies.runs.backends import Backend, chosen_backend
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
 
 __all__ = ["carry_out", "check_limits"]
 
@@ -27,21 +23,28 @@ def carry_out(
     *,
     at_once: int = 1,
     time_limit: float | None = None,
+    limits: Limits | None = None,
+    backend: Backend | None = None,
     finished: Callable[[Outcome], None] | None = None,
 ) -> list[Outcome]:
     """Simulate, each run in a fresh process; whatever becomes of one is an outcome and harms no other.
 
-    They go through `joblib.Parallel`: on its own processes where nothing else is said, else on the backend of a
-    surrounding `joblib.parallel_config`. Times of runs that share a machine are longer than of runs alone.
+    Where no backend is given they go through `joblib.Parallel`: on its own processes where nothing else is said, else
+    on the backend of a surrounding `joblib.parallel_config`. Times of runs that share a machine are longer than of
+    runs alone.
 
     Parameters
     ----------
     runs
         Of different keys and recordings.
     at_once
-        How many at a time, at least 1.
+        How many at a time, at least 1, where no backend is given.
     time_limit
-        Wall time [s] of each, start included, after which it is given up; None: none.
+        Wall time [s] of each, start included, after which it is given up; None: as `limits` says.
+    limits
+        Of each run; None: none.
+    backend
+        Who makes them, see `chosen_backend`; None: this machine.
     finished
         Called here, in this thread, with each outcome as it comes.
 
@@ -56,12 +59,17 @@ def carry_out(
         Where keys or recordings are not different, a number is impossible, or a scene cannot be sent to a process.
     RecordingError
         Where the folder for the first recording cannot be made.
+    BackendError
+        Where there is nobody who could make them.
     EngineEnvironmentError
         Where the system has no process groups.
     """
     if os.name != "posix":
         raise EngineEnvironmentError(f"runs in processes of their own need Linux or macOS, and this is {sys.platform}")
-    check_limits(at_once, time_limit)
+    limits = limits or Limits()
+    if time_limit is not None:
+        limits = dataclasses.replace(limits, seconds=time_limit)
+    backend = backend or chosen_backend(at_once=at_once)
     if not runs:
         return []
     runs = [dataclasses.replace(run, out=Path(run.out).absolute()) for run in runs]
@@ -70,8 +78,7 @@ def carry_out(
     for run in runs:
         _check_sendable(run)
     outcomes: dict[int, Outcome] = {}
-    around = surroundings()
-    with _leashed(runs[0].out.parent) as leash, _done(runs, around, leash, at_once, time_limit) as results:
+    with backend.made(runs, limits) as results:
         for index, outcome in results:
             outcomes[index] = outcome
             if finished is not None:
@@ -87,58 +94,8 @@ def check_limits(at_once: int, time_limit: float | None) -> None:
     SceneError
         Where a number is impossible.
     """
-    if at_once < 1:
-        raise SceneError(f"at_once must be at least 1, found {at_once!r}")
-    if time_limit is not None and not 0 < time_limit < float("inf"):
-        raise SceneError(f"time_limit must be a number of seconds > 0, found {time_limit!r}")
-
-
-@contextmanager
-def _done(
-    runs: Sequence[Run], around: Surroundings, leash: Path, at_once: int, time_limit: float | None
-) -> Generator[Generator[tuple[int, Outcome]]]:
-    """Outcomes as they come, with the number of their run."""
-    from joblib import Parallel, delayed
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    # As any: joblib says that a batch size is text.
-    parallel: Any = Parallel
-    results = parallel(n_jobs=at_once, return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")(
-        delayed(_numbered)(index, run, around, leash, time_limit) for index, run in enumerate(runs)
-    )
-    try:
-        # Where one of joblib's own processes is killed it takes the rest along; what is there by then is kept.
-        with contextlib.suppress(TerminatedWorkerError):
-            yield results
-    except BaseException:
-        # Threads cannot be ended: those that wait for a process look whether this is still there. Renamed, as a folder
-        # that somebody writes to may resist its removal.
-        gone = leash.with_name(f"{leash.name}.gone")
-        leash.rename(gone)
-        shutil.rmtree(gone, ignore_errors=True)
-        raise
-    finally:
-        results.close()
-
-
-def _numbered(index: int, run: Run, around: Surroundings, leash: Path, time_limit: float | None) -> tuple[int, Outcome]:
-    return index, keep(run, around, leash, time_limit)
-
-
-@contextmanager
-def _leashed(folder: Path) -> Generator[Path]:
-    """A folder for notes beside the recordings, where whoever makes them can see it; gone in the end."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        leash = Scratch(".runs-", folder)
-    except OSError as error:
-        raise RecordingError(
-            f"{folder}: cannot be written: {error.strerror or error}: choose a folder that is writable and has room"
-        ) from None
-    try:
-        yield leash.path
-    finally:
-        leash.remove()
+    chosen_backend(at_once=at_once)
+    Limits(seconds=time_limit)
 
 
 def _lost(run: Run) -> Outcome:

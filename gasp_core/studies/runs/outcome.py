@@ -2,15 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from gasp_core.errors import SceneError
 
 if TYPE_CHECKING:
+    from gasp_core.recording import Recording
     from gasp_core.scene.model import Scene
 
-__all__ = ["RunStatus", "Outcome", "Run"]
+__all__ = ["Limits", "Outcome", "Run", "RunStatus"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a run may take before it is given up; None: whatever it wants.
+
+    Parameters
+    ----------
+    seconds
+        Of wall time, start included.
+    memory [bytes]
+        Resident, of its process and all that this started, together.
+    threads
+        Of its engine and its libraries; None: as many as there are processors.
+
+    Raises
+    ------
+    SceneError
+        Where a number is impossible.
+    """
+
+    seconds: float | None = None
+    memory: int | None = None
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.seconds is not None and not 0 < self.seconds < float("inf"):
+            raise SceneError(f"time_limit must be a number of seconds > 0, found {self.seconds!r}")
+        if self.memory is not None and self.memory < 1:
+            raise SceneError(f"memory_limit must be a number of bytes > 0, found {self.memory!r}")
+        if self.threads is not None and self.threads < 1:
+            raise SceneError(f"threads must be at least 1, found {self.threads!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +65,10 @@ class Run:
         Stop once there are so many, the one at time 0 included; None: all of the scene's.
     trust_code
         As for `simulate`.
+    measure
+        Called with the recording, where that was made, if it has a frame; what it gives is `Outcome.found`.
+    keep
+        Whether the recording stays at `out`; if not, it is made where there is room, and gone once it is measured.
     """
 
     key: str
@@ -36,6 +76,8 @@ class Run:
     out: Path
     frames: int | None = None
     trust_code: bool = False
+    measure: Callable[[Recording], Mapping[str, Any]] | None = None
+    keep: bool = True
 
 
 class RunStatus(Enum):
@@ -90,6 +132,8 @@ class Outcome:
         that it started. The two may have been at different times, and pages they share count twice, so it is an upper
         bound; the memory of a GPU is not in it. Measured at frames, so that of a run that died what came after the last
         look (at most 2 s, or one frame) is missing. 0 where it died before its first frame.
+    found
+        What `Run.measure` gave.
     """
 
     key: str
@@ -104,3 +148,4 @@ class Outcome:
     cpu_seconds: float = 0.0
     run_cpu_seconds: float = 0.0
     peak_bytes: int = 0
+    found: Mapping[str, Any] = field(default_factory=dict[str, Any])

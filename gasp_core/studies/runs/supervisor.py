@@ -6,21 +6,24 @@ import contextlib
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gasp_core.errors import RecordingError
+import psutil
+
+from gasp_core.errors import GaspError, RecordingError
 from gasp_core.processes.exit_report import ending as how_it_ended
 from gasp_core.processes.exit_report import tail
 from gasp_core.processes.group import kill_group
 from gasp_core.studies.runs import child
-from gasp_core.studies.runs.outcome import Outcome, Run, RunStatus
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
 from gasp_core.studies.runs.timing import split_times
 
 __all__ = ["Surroundings", "keep", "surroundings"]
@@ -28,6 +31,13 @@ __all__ = ["Surroundings", "keep", "surroundings"]
 _CORE = str(Path(child.__file__).parents[2])
 _GLANCE = 0.01
 """Seconds between looks at the process."""
+_LOOK = 0.5
+"""Seconds between looks at its memory."""
+_THREADS = (
+    "GASP_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
+    "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS",
+)  # fmt: skip
+"""Variables by which libraries, and GASP itself, are told how many threads they may have."""
 _LINGER = 10.0
 """Seconds it may take to end by itself once its run is over, as some backends hang at exit."""
 
@@ -50,6 +60,11 @@ class Surroundings:
     environment: dict[str, str]
     folder: str
 
+    def with_threads(self, threads: int | None) -> Surroundings:
+        """The same, with libraries told how many threads they may have; None: whatever they were told."""
+        own = {} if threads is None else dict.fromkeys(_THREADS, str(threads))
+        return replace(self, environment={**self.environment, **own})
+
 
 def surroundings() -> Surroundings:
     """Those of this process, with all that can be imported here."""
@@ -57,7 +72,7 @@ def surroundings() -> Surroundings:
     return Surroundings(python=sys.executable, environment={**os.environ, "PYTHONPATH": path}, folder=str(Path.cwd()))
 
 
-def keep(run: Run, around: Surroundings, leash: Path, time_limit: float | None) -> Outcome:
+def keep(run: Run, around: Surroundings, notes: Path, limits: Limits, wanted: Callable[[], bool]) -> Outcome:
     """Make a run in a process of its own.
 
     Parameters
@@ -66,26 +81,41 @@ def keep(run: Run, around: Surroundings, leash: Path, time_limit: float | None) 
         With absolute paths.
     around
         Where it runs.
-    leash
-        A folder for notes; the process is ended once it is gone.
-    time_limit
-        Seconds after which it is ended; None: never.
+    notes
+        A folder for them.
+    limits
+        Beyond which it is ended.
+    wanted
+        Asked all the time; the process is ended once nobody wants it any more.
     """
     begin = time.monotonic()
     try:
-        folder = Path(tempfile.mkdtemp(dir=leash))
-        (folder / child.RUN).write_bytes(pickle.dumps(run))
-        process = _Process(around, folder)
+        folder = Path(tempfile.mkdtemp(dir=notes))
+        # What is measured is measured here, and need not be known to that process.
+        made = replace(run, measure=None, out=run.out if run.keep else folder / "run.gasp")
+        (folder / child.RUN).write_bytes(pickle.dumps(made))
+        process = _Process(around.with_threads(limits.threads), folder)
     except OSError as error:
         reason = f"its process cannot be started: {error.strerror or error}"
         return Outcome(key=run.key, ending=RunStatus.FAILED, reason=reason, wall_seconds=time.monotonic() - begin)
     with process:
-        verdict = process.wait(leash, None if time_limit is None else begin + time_limit)
+        verdict = process.wait(wanted, None if limits.seconds is None else begin + limits.seconds, limits.memory)
     end = time.monotonic()
-    ending, reason = _judged(folder, verdict, process.status, time_limit)
+    ending, reason = _judged(folder, verdict, process.status, limits)
     stamps = list(_stamps(folder))
-    recording = run.out if stamps else None
-    frame_count, substeps = _frames_of(run.out) if recording is not None else (0, 0)
+    recording = made.out if stamps else None
+    frame_count, substeps = _frames_of(made.out) if recording is not None else (0, 0)
+    found: Mapping[str, Any] = {}
+    if run.measure is not None and recording is not None and frame_count:
+        try:
+            found = run.measure(_opened(recording))
+        except GaspError as error:
+            ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {error}"
+        except Exception as error:  # a function of the user's may raise anything
+            ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {type(error).__name__}: {error}"
+    if not run.keep:
+        recording = None
+        shutil.rmtree(folder, ignore_errors=True)
     start, stride = split_times(begin, [stamp["at"] for stamp in stamps], end)
     looks = [stamp["cpu"] for stamp in stamps[1:] if "cpu" in stamp]
     return Outcome(
@@ -101,6 +131,7 @@ def keep(run: Run, around: Surroundings, leash: Path, time_limit: float | None) 
         cpu_seconds=process.cpu_seconds,
         run_cpu_seconds=looks[-1] - looks[0] if looks else 0.0,
         peak_bytes=max((stamp.get("peak", 0) for stamp in stamps), default=0),
+        found=found,
     )
 
 
@@ -124,10 +155,11 @@ class _Process:
                 start_new_session=True,
             )
 
-    def wait(self, leash: Path, deadline: float | None) -> str:
-        """Wait until it has ended by itself: nothing; or for as long as it may: "late", "loose"."""
+    def wait(self, wanted: Callable[[], bool], deadline: float | None, memory: int | None) -> str:
+        """Wait until it has ended by itself: nothing; or for as long as it may: "late", "large", "loose"."""
         parent = os.getppid()
         over: float | None = None
+        looked = 0.0
         while not self._reaped(os.WNOHANG):
             now = time.monotonic()
             if over is not None and now > over:
@@ -137,8 +169,12 @@ class _Process:
             elif over is None and deadline is not None and now > deadline:
                 return "late"
             # A worker of joblib may be left alone by whoever asked.
-            if not leash.exists() or os.getppid() != parent:
+            if not wanted() or os.getppid() != parent:
                 return "loose"
+            if memory is not None and now - looked > _LOOK:
+                looked = now
+                if _resident(self._process.pid) > memory:
+                    return "large"
             time.sleep(_GLANCE)
         return ""
 
@@ -167,14 +203,27 @@ class _Process:
         return True
 
 
-def _judged(folder: Path, verdict: str, status: int | None, time_limit: float | None) -> tuple[RunStatus, str]:
+def _resident(pid: int) -> int:
+    """Memory [bytes] of a process and all that it started."""
+    total = 0
+    with contextlib.suppress(psutil.Error):
+        first = psutil.Process(pid)
+        for process in (first, *first.children(recursive=True)):
+            with contextlib.suppress(psutil.Error):
+                total += process.memory_info().rss
+    return total
+
+
+def _judged(folder: Path, verdict: str, status: int | None, limits: Limits) -> tuple[RunStatus, str]:
     """How a run ended, and why."""
     with contextlib.suppress(OSError, ValueError, KeyError):
         told = json.loads((folder / child.ENDING).read_text())
         # All that was asked for has been done: how the process dies then is nobody's concern.
         return RunStatus(told["ending"]), told["reason"]
     if verdict == "late":
-        what = f"was given up after {time_limit:g} s"
+        what = f"was given up after {limits.seconds:g} s"
+    elif verdict == "large":
+        what = f"was given up, as it took more memory than {(limits.memory or 0) / 1e6:,.0f} MB"
     elif verdict == "loose":
         what = "was ended, as nobody waits for it any more"
     else:
@@ -197,9 +246,13 @@ def _stamps(folder: Path) -> Iterator[dict[str, Any]]:
 
 def _frames_of(path: Path) -> tuple[int, int]:
     """Number of frames, and of substeps, of a recording; none where it cannot be read."""
-    from gasp_core.recording import Recording
-
     with contextlib.suppress(RecordingError):
-        steps = [int(known["substeps"]) for known in Recording.open(path).diagnostics()]
+        steps = [int(known["substeps"]) for known in _opened(path).diagnostics()]
         return len(steps), sum(steps)
     return 0, 0
+
+
+def _opened(path: Path) -> Any:
+    from gasp_core.recording import Recording
+
+    return Recording.open(path)

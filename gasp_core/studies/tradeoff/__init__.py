@@ -6,6 +6,7 @@ its own, measures how far it is from a truth and how long it takes, and says whi
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from gasp_core.progress import counting
 from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import refuse_untrusted
+from gasp_core.studies.runs import Backend, Limits
 from gasp_core.studies.tradeoff.machine import load, machine
 from gasp_core.studies.tradeoff.measuring import measure
 from gasp_core.studies.tradeoff.plot import pictures
@@ -47,6 +49,8 @@ def tradeoff(
     overwrite: bool = False,
     trust_code: bool = False,
     time_limit: float | None = None,
+    limits: Limits | None = None,
+    backend: Backend | None = None,
     progress: bool | None = None,
 ) -> Tradeoff:
     """Measure the trade of a scene.
@@ -76,7 +80,12 @@ def tradeoff(
     trust_code
         Import the functions that motions of the scene name by text, see `simulate`.
     time_limit
-        Wall time [s] of each run after which it is given up; None: none.
+        Wall time [s] of each run after which it is given up; None: as `limits` says.
+    limits
+        Of each run; None: none.
+    backend
+        Who makes the runs, see `gasp_core.studies.runs.chosen_backend`, where `out` can be seen from; None: this
+        machine, one at a time. Times of runs that share a machine, or are of several, compare badly.
     progress
         Show a bar; None: where stderr is a terminal.
 
@@ -94,6 +103,9 @@ def tradeoff(
         raise AccuracyError("no settings are named: there is nothing to measure")
     if repeats < 1:
         raise AccuracyError(f"repeats must be at least 1, found {repeats!r}: without one nothing is timed")
+    limits = limits or Limits()
+    if time_limit is not None:
+        limits = dataclasses.replace(limits, seconds=time_limit)
     descriptor = discover().descriptor(engine or scene.engine.name)
     asked, scene = scene, scene.with_engine(descriptor, device=device)
     # As a setting has it: that names the precision itself.
@@ -109,7 +121,8 @@ def tradeoff(
                 steps,
                 recordings / _TRUTH,
                 trust_code=trust_code,
-                time_limit=time_limit,
+                limits=limits,
+                backend=backend,
                 finished=lambda outcome: counted(),
             )
             found = measure(
@@ -121,7 +134,8 @@ def tradeoff(
                 seed=seed,
                 keep=keep,
                 trust_code=trust_code,
-                time_limit=time_limit,
+                limits=limits,
+                backend=backend,
                 finished=counted,
             )
     except BaseException:

@@ -18,7 +18,7 @@ from gasp_core.accuracy.trajectories import TrajectoryDistance
 from gasp_core.recording.layout import EngineRecord
 from gasp_core.recording.reader import Recording
 from gasp_core.scene.model import Scene
-from gasp_core.studies.runs import Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, carry_out
 from gasp_core.studies.tradeoff.reference_solution import Truth
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
 
@@ -68,7 +68,8 @@ def measure(
     seed: int,
     keep: bool,
     trust_code: bool,
-    time_limit: float | None,
+    limits: Limits | None,
+    backend: Backend | None,
     finished: Callable[[], None],
 ) -> list[Measurement]:
     """Measure settings, in their order.
@@ -87,8 +88,8 @@ def measure(
         Of the orders.
     trust_code
         As for `simulate`.
-    time_limit
-        Wall time [s] of each run; None: none.
+    limits, backend
+        Of the runs, see `carry_out`.
     finished
         Called after each run; for those that need no more repeats it is called as often.
 
@@ -129,9 +130,9 @@ def measure(
             shutil.rmtree(outcome.recording, ignore_errors=True)
         finished()
 
-    carry_out(drawn(""), time_limit=time_limit, finished=look)
+    carry_out(drawn(""), limits=limits, backend=backend, finished=look)
     for repeat in range(repeats):
-        carry_out(drawn(f"-{repeat}"), time_limit=time_limit, finished=time)
+        carry_out(drawn(f"-{repeat}"), limits=limits, backend=backend, finished=time)
     return list(found.values())
 
 

@@ -12,7 +12,7 @@ from gasp_core.contract import Precision
 from gasp_core.errors import AccuracyError
 from gasp_core.recording.reader import Recording
 from gasp_core.scene.model import Scene
-from gasp_core.studies.runs import Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, carry_out
 from gasp_core.studies.tradeoff.reference_solution import Refined
 from gasp_core.studies.tradeoff.richardson import remainder_of
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
@@ -57,7 +57,8 @@ def refine(
     folder: Path,
     *,
     trust_code: bool,
-    time_limit: float | None,
+    limits: Limits | None,
+    backend: Backend | None,
     finished: Callable[[Outcome], None],
 ) -> Refined:
     """Make the runs of `ladder`; the recording of the last is left in `folder`.
@@ -71,7 +72,7 @@ def refine(
         Run(key=step.key, scene=scene_with(scene, step), out=folder / f"{step.key}.gasp", trust_code=trust_code)
         for step in steps
     ]
-    outcomes = carry_out(runs, time_limit=time_limit, finished=finished)
+    outcomes = carry_out(runs, limits=limits, backend=backend, finished=finished)
     for step, outcome in zip(steps, outcomes):
         if outcome.ending is not RunStatus.COMPLETE:
             raise AccuracyError(

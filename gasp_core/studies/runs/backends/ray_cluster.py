@@ -1,0 +1,122 @@
+"""Runs by the workers of a Ray cluster: one that is there, or one of its own on this machine.
+
+A worker, or a machine, that is lost has its run made again by another one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gasp_core.errors import BackendError
+from gasp_core.studies.runs.backends.interface import Ended
+from gasp_core.studies.runs.backends.parcels import Missing, Parcel, carry_out_parcel, packed, parcels_of
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
+
+__all__ = ["RayRuns"]
+
+_AGAIN = 3
+"""Workers that a run may take along before it is given up."""
+_AHEAD = 2
+"""Runs for each processor of the cluster that are handed over before they can begin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayRuns:
+    """A `Backend`.
+
+    Parameters
+    ----------
+    scheduler
+        "auto", or the address of a cluster; None: one of its own.
+    workers
+        Of that one.
+    """
+
+    scheduler: str | None = None
+    workers: int = 1
+
+    @contextmanager
+    def made(self, runs: Sequence[Run], limits: Limits) -> Generator[Generator[Ended]]:
+        """See `Backend`."""
+        parcels = parcels_of(runs, limits)
+        ray = _connected(self.scheduler, self.workers)
+        results = _results(ray, parcels)
+        try:
+            yield results
+        finally:
+            results.close()
+            ray.shutdown()
+
+
+def _results(ray: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
+    remote = ray.remote(num_cpus=1, max_retries=_AGAIN, retry_exceptions=False)(_on_worker)
+    sent: dict[str, Any] = {}
+    under_way: dict[Any, int] = {}
+    left = list(range(len(parcels)))[::-1]
+
+    def submit(index: int) -> None:
+        parcel = parcels[index]
+        along = {source.digest: sent[source.digest] for source in parcel.sources if source.digest in sent}
+        under_way[remote.remote(parcel, list(along), *along.values())] = index
+
+    ahead = max(1, round(_AHEAD * float(ray.cluster_resources().get("CPU", 1))))
+    try:
+        while left or under_way:
+            while left and len(under_way) < ahead:
+                submit(left.pop())
+            (done,), _ = ray.wait(list(under_way), num_returns=1)
+            index = under_way.pop(done)
+            outcome = _outcome_of(ray, done, parcels[index])
+            if isinstance(outcome, Missing):
+                for digest in outcome.digests:
+                    if digest not in sent:
+                        sent[digest] = ray.put(packed(_path_of(parcels[index], digest)))
+                submit(index)
+            else:
+                yield index, outcome
+    finally:
+        for reference in under_way:
+            with contextlib.suppress(Exception):
+                ray.cancel(reference, force=True)
+
+
+def _on_worker(parcel: Parcel, digests: Sequence[str], *contents: bytes) -> Outcome | Missing:
+    # The end of a worker ends what it started: a run holds on to nothing but its worker's life.
+    return carry_out_parcel(parcel, dict(zip(digests, contents)), lambda: True)
+
+
+def _outcome_of(ray: Any, reference: Any, parcel: Parcel) -> Outcome | Missing:
+    try:
+        return ray.get(reference)
+    except Exception as error:
+        reason = f"no worker could make it: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        return Outcome(key=parcel.run.key, ending=RunStatus.CRASHED, reason=reason)
+
+
+def _path_of(parcel: Parcel, digest: str) -> Path:
+    return next(source.path for source in parcel.sources if source.digest == digest)
+
+
+def _connected(scheduler: str | None, workers: int) -> Any:
+    # Nobody who simulates has asked to send reports to anybody.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    try:
+        ray: Any = importlib.import_module("ray")
+    except ImportError:
+        raise BackendError("runs by ray need its package: pip install 'gasp-core[ray]'") from None
+    own = {"address": scheduler} if scheduler is not None else {"num_cpus": workers, "include_dashboard": False}
+    try:
+        ray.init(log_to_driver=False, logging_level="ERROR", ignore_reinit_error=False, **own)
+    except Exception as error:
+        said = " ".join(str(error).split())[:200]
+        where = f"at {scheduler}" if scheduler is not None else "of its own"
+        raise BackendError(f"no ray cluster {where}: {said}") from None
+    return ray

@@ -1,0 +1,135 @@
+"""What is measured of each run of a sweep, where it was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gasp_core.accuracy.trajectories import distance
+from gasp_core.errors import AccuracyError
+from gasp_core.recording import Recording
+
+__all__ = ["Measures", "Observable", "load_observable"]
+
+APART = 0.01
+"""Of the diagonal: two runs are apart from where their rms distance is more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observable:
+    """A function of the user's: a number of a recording. Its text travels, so that workers need not see its file.
+
+    Parameters
+    ----------
+    name
+        Of the function, and of the column.
+    text
+        Of its module.
+    file
+        For messages.
+    """
+
+    name: str
+    text: str
+    file: str
+
+    def __call__(self, recording: Recording) -> float:
+        """What it gives."""
+        module: dict[str, Any] = {"__name__": "observable", "__file__": self.file}
+        exec(compile(self.text, self.file, "exec"), module)
+        function: Callable[[Recording], Any] = module[self.name]
+        return float(function(recording))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measures:
+    """Called with a recording; gives columns by their names.
+
+    Parameters
+    ----------
+    observables
+        Of the user's.
+    reference
+        A recording that distances are from; None: no such.
+    """
+
+    observables: tuple[Observable, ...] = ()
+    reference: Path | None = None
+
+    def __call__(self, recording: Recording) -> Mapping[str, Any]:
+        """Of each object, in metres: the middle of its points at the end, the lowest and the highest of them, and how
+        far one has gone at most in any frame; then what the user wants, then distances."""
+        found: dict[str, Any] = {"engine": recording.engine.name, "points": len(recording.start_points)}
+        found |= _of_objects(recording)
+        for own in self.observables:
+            found[own.name] = own(recording)
+        if self.reference is not None:
+            try:
+                found |= _distances(Recording.open(self.reference), recording)
+            except AccuracyError as error:
+                # Of other Gaussians: the run is what it is.
+                found["not_compared"] = str(error)
+        return found
+
+
+def load_observable(text: str) -> Observable:
+    """The function that "FILE.py:FUNCTION" names.
+
+    Raises
+    ------
+    AccuracyError
+        Where there is none, or its file fails.
+    """
+    file, _, name = text.rpartition(":")
+    if not file.endswith(".py") or not name.isidentifier():
+        raise AccuracyError(f'an observable must be written "FILE.py:FUNCTION", found "{text}"')
+    try:
+        source = Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise AccuracyError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    module: dict[str, Any] = {"__name__": "observable", "__file__": file}
+    try:
+        exec(compile(source, file, "exec"), module)
+    except Exception as error:
+        raise AccuracyError(f"{file}: fails: {type(error).__name__}: {error}") from None
+    if not callable(module.get(name)):
+        raise AccuracyError(f"{file}: has no function {name}")
+    return Observable(name=name, text=source, file=file)
+
+
+def _of_objects(recording: Recording) -> dict[str, float]:
+    start = recording.start_points
+    bodies = [(body.name, body.points) for body in recording.bodies]
+    gone = dict.fromkeys((name for name, _ in bodies), 0.0)
+    points = start
+    for frame in range(recording.frame_count):
+        points = recording.points(frame)
+        for name, rows in bodies:
+            squares = ((points[rows] - start[rows]) ** 2).sum(axis=1)
+            gone[name] = max(gone[name], math.sqrt(float(squares.max())))
+    found: dict[str, float] = {}
+    for name, rows in bodies:
+        own = points[rows]
+        for axis, value in zip("xyz", own.mean(axis=0)):
+            found[f"{name}.centre_{axis}"] = float(value)
+        found[f"{name}.lowest"], found[f"{name}.highest"] = float(own[:, 2].min()), float(own[:, 2].max())
+        found[f"{name}.moved"] = gone[name]
+    return found
+
+
+def _distances(reference: Recording, recording: Recording) -> dict[str, Any]:
+    apart = distance(reference, recording)
+    shares = np.asarray(apart.per_frame.rms) / apart.diagonal
+    beyond = np.flatnonzero(shares > APART)
+    return {
+        "rms_share": apart.rms_share,
+        "p95_share": apart.p95_share,
+        "shape_share": apart.shape_share,
+        "centre_share": apart.centre_share,
+        "apart_at": float(apart.times[beyond[0]]) if len(beyond) else None,
+    }

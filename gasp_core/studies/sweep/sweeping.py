@@ -1,0 +1,296 @@
+"""`sweep`: one scene file with many settings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gasp_core.contract import Precision
+from gasp_core.discovery.registry import discover
+from gasp_core.errors import GaspError, RecordingError, SceneError
+from gasp_core.io.atomic import replacing
+from gasp_core.io.digests import add_content
+from gasp_core.progress import Shown, counting
+from gasp_core.recording.writer import refuse_existing
+from gasp_core.scene.files import files_of
+from gasp_core.scene.loading import load_scene
+from gasp_core.scene.model import Scene
+from gasp_core.scene.writing import scene_to_toml
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.sweep.measures import Measures
+from gasp_core.studies.sweep.settings import Setting
+from gasp_core.studies.sweep.table import DONE, Ledger, Row, csv_text, write_parquet
+
+__all__ = ["Planned", "Sweep", "planned", "sweep"]
+
+LEDGER, TABLE, PARQUET, RUNS = "sweep.jsonl", "sweep.csv", "sweep.parquet", "runs"
+_PAUSE = 5.0
+"""Seconds between two tables while rows are added."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """A setting, and the scene that it makes.
+
+    Parameters
+    ----------
+    setting
+        What is set.
+    scene
+        As it is to be run; None where it is none.
+    digest
+        Of that and of its files.
+    reason
+        Why it is none.
+    """
+
+    setting: Setting
+    scene: Scene | None
+    digest: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """What came of a sweep.
+
+    Parameters
+    ----------
+    folder
+        Holds ``sweep.jsonl``, ``sweep.csv``, with pyarrow ``sweep.parquet``, and recordings that are kept.
+    rows
+        In the order of the settings.
+    kept
+        How many of them were there already.
+    parquet
+        Whether that was written.
+    """
+
+    folder: Path
+    rows: tuple[Row, ...]
+    kept: int
+    parquet: bool
+
+    @property
+    def completed(self) -> tuple[Row, ...]:
+        """Rows whose run came to the end."""
+        return tuple(row for row in self.rows if row.status == RunStatus.COMPLETE.value)
+
+
+def planned(
+    scene: str | Path,
+    settings: Sequence[Setting],
+    *,
+    engine: str | None = None,
+    device: str | None = None,
+    precision: Precision | None = None,
+) -> list[Planned]:
+    """The scene of each setting; one that the scene refuses says why.
+
+    Parameters
+    ----------
+    scene
+        Its file.
+    settings
+        In any order.
+    engine, device, precision
+        Of all runs, instead of the scenes', see `Scene.with_engine`.
+
+    Raises
+    ------
+    SceneError
+        Where it refuses all of them.
+    UnknownEngineError, PluginLoadError
+        Where there is no such engine.
+    """
+    path = Path(scene).absolute()
+    registry = discover()
+    known: dict[Path, str] = {}
+    found: list[Planned] = []
+    if engine is not None:
+        registry.descriptor(engine)
+    for setting in settings:
+        try:
+            own = load_scene(path, setting.changes)
+            descriptor = registry.descriptor(engine or own.engine.name)
+            if engine is not None or device is not None or precision is not None:
+                own = own.with_engine(descriptor, device=device, precision=precision)
+            found.append(Planned(setting=setting, scene=own, digest=_digest(own, known)))
+        except GaspError as error:
+            found.append(Planned(setting=setting, scene=None, reason=str(error)))
+    if not any(each.scene is not None for each in found):
+        raise SceneError(found[0].reason if found else "no settings are named: there is nothing to run")
+    return found
+
+
+def sweep(
+    plan: Sequence[Planned],
+    out: Path,
+    *,
+    measures: Measures | None = None,
+    backend: Backend | None = None,
+    limits: Limits | None = None,
+    keep: bool = False,
+    overwrite: bool = False,
+    trust_code: bool = False,
+    progress: Shown = None,
+) -> Sweep:
+    """Make a run of each setting, in a process of its own, and a table of what came of them.
+
+    Rows are on the disk as soon as they are there: the same call goes on with those that are missing. What completed,
+    diverged, was refused or is beyond its engine stays; what crashed or failed otherwise is made again.
+
+    Parameters
+    ----------
+    plan
+        See `planned`.
+    out
+        Folder for the table, and recordings that are kept.
+    measures
+        What each run is asked for; None: what each run is asked for anyway.
+    backend
+        Who makes them, see `chosen_backend`; None: this machine, one at a time.
+    limits
+        Of each run; None: none.
+    keep
+        Keep the recordings.
+    overwrite
+        Make all rows anew.
+    trust_code
+        Import the functions that motions of the scenes name by text, see `simulate`.
+    progress
+        Show how far it is.
+
+    Raises
+    ------
+    RecordingError
+        Where `out` holds something else, or rows of the same settings and another scene; where it cannot be written.
+    BackendError
+        Where there is nobody who could make them.
+    """
+    ledger = _ledger(out, plan, overwrite)
+    known = {_key(row.setting): row for row in ledger.rows}
+    kept = {_key(each.setting) for each in plan if (row := known.get(_key(each.setting))) and row.status in DONE}
+    for each in plan:
+        if each.scene is None and _key(each.setting) not in kept:
+            _keep(ledger, known, Row.refused(each.setting, each.reason))
+    waiting = {_key(each.setting): each for each in plan if each.scene is not None and _key(each.setting) not in kept}
+    measures = measures or Measures()
+    runs = [
+        Run(
+            key=key,
+            scene=each.scene,
+            out=_recording(out, key),
+            trust_code=trust_code,
+            measure=measures,
+            keep=keep,
+        )
+        for key, each in waiting.items()
+        if each.scene is not None
+    ]
+    table = _Table(out, plan, known)
+    with counting(progress, "runs", len(runs)) as counted:
+
+        def finished(outcome: Outcome) -> None:
+            recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
+            each = waiting[outcome.key]
+            _keep(ledger, known, Row.of(each.setting, each.digest, outcome, recording))
+            table.write(_PAUSE)
+            counted()
+
+        try:
+            for run in runs:
+                _clear(run.out)
+            outcomes = carry_out(runs, backend=backend, limits=limits, finished=finished)
+            for outcome in outcomes:
+                # Whoever watched over it is gone: nobody has told of it.
+                if known.get(outcome.key) is None or known[outcome.key].scene != waiting[outcome.key].digest:
+                    finished(outcome)
+        finally:
+            parquet = table.write(0.0, parquet=True)
+    return Sweep(folder=out, rows=tuple(known[_key(each.setting)] for each in plan), kept=len(kept), parquet=parquet)
+
+
+class _Table:
+    """What is made of the rows for others to read."""
+
+    def __init__(self, folder: Path, plan: Sequence[Planned], known: Mapping[str, Row]) -> None:
+        self._folder, self._plan, self._known = folder, plan, known
+        self._written = time.monotonic()
+
+    def write(self, pause: float, *, parquet: bool = False) -> bool:
+        """Write it, unless that was done less than a `pause` [s] ago; whether as Parquet too."""
+        if time.monotonic() - self._written < pause:
+            return False
+        rows = [row for each in self._plan if (row := self._known.get(_key(each.setting))) is not None]
+        if not rows:
+            return False
+        with replacing(self._folder / TABLE) as stream:
+            stream.write(csv_text(rows).encode("utf-8", errors="backslashreplace"))
+        self._written = time.monotonic()
+        return parquet and write_parquet(rows, self._folder / PARQUET)
+
+
+def _keep(ledger: Ledger, known: dict[str, Row], row: Row) -> None:
+    ledger.add(row)
+    known[_key(row.setting)] = row
+
+
+def _ledger(out: Path, plan: Sequence[Planned], overwrite: bool) -> Ledger:
+    """The rows that are there, none of them of another scene."""
+    path = out / LEDGER
+    if overwrite and path.exists():
+        # Only what is one is removed.
+        Ledger(path)
+        path.unlink()
+        if (out / RUNS).is_dir():
+            for recording in (out / RUNS).glob("*.gasp"):
+                _clear(recording)
+    ledger = Ledger(path)
+    digests = {_key(each.setting): each.digest for each in plan}
+    others = [
+        row for row in ledger.rows if row.status in DONE and digests.get(_key(row.setting), row.scene) != row.scene
+    ]
+    if others:
+        raise RecordingError(
+            f"{path}: {len(others)} of its rows are of another scene, or of files that have changed since, the first"
+            f" that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another --out, or make all of"
+            " them anew with --overwrite"
+        )
+    return ledger
+
+
+def _clear(recording: Path) -> None:
+    """Remove what an earlier try has left."""
+    if refuse_existing(recording, overwrite=True):
+        shutil.rmtree(recording)
+
+
+def _recording(out: Path, key: str) -> Path:
+    return out / RUNS / f"{key}.gasp"
+
+
+def _key(setting: Setting) -> str:
+    """Short, and of these settings alone."""
+    text = json.dumps(sorted(setting.values.items()))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _digest(scene: Scene, known: dict[Path, str]) -> str:
+    """Of a scene and the content of its files, each of which is read once."""
+    parts = [scene_to_toml(replace(scene, camera=None))]
+    for path in files_of(scene):
+        if path not in known:
+            digest = hashlib.sha256()
+            try:
+                add_content(digest, path)
+            except OSError as error:
+                raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
+            known[path] = digest.hexdigest()
+        parts.append(known[path])
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -1,0 +1,276 @@
+"""A sweep: a row a run, whatever becomes of it; what is there stays there."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from gasp_core import load_scene, simulate
+from gasp_core.errors import AccuracyError, BackendError, RecordingError, SceneError
+from gasp_core.studies.runs import Limits, chosen_backend
+from gasp_core.studies.sweep import Measures, load_observable, planned, settings_of, sweep
+from gasp_core.studies.sweep.table import Ledger
+
+TWO = chosen_backend(at_once=2)
+
+
+def rows_of(folder):
+    with (folder / "sweep.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_rows_are_what_runs_by_hand_come_to(scene, tmp_path, measured):
+    """To the bit, through processes and text; with distances from a run that is named."""
+    observable, _ = measured
+    simulate(load_scene(scene, ["engine.options.spin=1"]), "frail", tmp_path / "reference.gasp", progress=False)
+    measures = Measures(observables=(observable,), reference=tmp_path / "reference.gasp")
+    plan = planned(scene, settings_of(["engine.options.spin=1,2", "object.toy.height=0.3,0.4"]))
+    found = sweep(plan, tmp_path / "out", measures=measures, backend=TWO, progress=False)
+    assert [row.status for row in found.rows] == ["complete"] * 4 and found.kept == 0
+    for row, each in zip(found.rows, plan):
+        here = simulate(each.scene, out=tmp_path / "here.gasp", overwrite=True, progress=False)
+        points = here.points(here.frame_count - 1)
+        columns = row.columns
+        assert columns["tip"] == points[:, 2].max() == columns["toy.highest"]
+        assert columns["toy.lowest"] == points[:, 2].min()
+        assert [columns[f"toy.centre_{axis}"] for axis in "xyz"] == points.mean(axis=0).tolist()
+        gone = max(np.linalg.norm(here.points(k) - here.points(0), axis=1).max() for k in range(here.frame_count))
+        assert columns["toy.moved"] == pytest.approx(gone, rel=1e-12)
+        assert (columns["frames"], columns["substeps"], columns["points"]) == (5, 160, len(points))
+    same, other = found.rows[0].columns, found.rows[2].columns
+    assert (same["rms_share"], same["apart_at"]) == (0.0, None)
+    assert other["rms_share"] > 0.01 and 0 < other["apart_at"] <= 0.16
+    assert "not_compared" not in same and "rms_share" not in found.rows[1].columns
+    assert found.rows[1].columns["not_compared"], "of another size: nothing to measure a distance by"
+    table = rows_of(tmp_path / "out")
+    assert [(row["engine.options.spin"], row["object.toy.height"]) for row in table] == [
+        ("1", "0.3"), ("1", "0.4"), ("2", "0.3"), ("2", "0.4"),
+    ]  # fmt: skip
+    assert float(table[3]["tip"]) == found.rows[3].columns["tip"]
+    assert not list((tmp_path / "out" / "runs").iterdir()), "recordings that nobody asked to keep"
+
+
+def test_parquet_is_the_same_table(scene, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    plan = planned(scene, settings_of(["engine.options.spin=1,x,2.5"]))
+    found = sweep(plan, tmp_path / "out", backend=TWO, progress=False)
+    table = parquet.read_table(tmp_path / "out" / "sweep.parquet").to_pydict()
+    assert found.parquet
+    assert table["engine.options.spin"] == ["1", "x", "2.5"]
+    assert table["status"] == ["complete", "failed", "complete"]
+    assert table["toy.highest"] == [row.columns.get("toy.highest") for row in found.rows]
+
+
+def test_whatever_becomes_of_a_run_is_a_row(scene, tmp_path):
+    """Refused by the scene in one row alone, beyond the engine, crashed, hung, too large: one line each."""
+    settings = [
+        *settings_of(["object.toy.height=0.3,-1"]),
+        *settings_of(['engine.options.fault=kill,"nan",hang,open:import']),
+        *settings_of(["object.toy.splat=nowhere.ply"]),
+    ]
+    plan = planned(scene, settings)
+    found = sweep(plan, tmp_path / "out", backend=TWO, limits=Limits(seconds=6.0, threads=1), progress=False)
+    status = [row.status for row in found.rows]
+    assert status == ["complete", "refused", "crashed", "diverged", "crashed", "unable", "refused"]
+    reasons = [row.columns["reason"] for row in found.rows]
+    for reason, said in zip(
+        reasons[1:], ["height", "SIGKILL", "non_finite", "given up after 6 s", "backend", "nowhere"]
+    ):
+        assert said in reason and "\n" not in reason
+    assert len(found.completed) == 1
+    # Three frames of what crashed were there to be measured.
+    assert found.rows[2].columns["frames"] == 3 and found.rows[2].columns["toy.moved"] > 0
+
+
+def test_one_that_takes_too_much_memory_is_given_up(scene, tmp_path):
+    plan = planned(scene, settings_of(["engine.options.fault=hang"]))
+    found = sweep(plan, tmp_path / "out", limits=Limits(memory=20_000_000), progress=False)
+    assert found.rows[0].status == "crashed"
+    assert "took more memory than 20 MB" in found.rows[0].columns["reason"]
+
+
+def test_rows_that_are_there_stay_and_the_rest_is_done(scene, tmp_path, measured):
+    observable, told = measured
+    measures, out = Measures(observables=(observable,)), tmp_path / "out"
+    first = planned(scene, settings_of(["engine.options.spin=1,2"]))
+    before = sweep(first, out, measures=measures, backend=TWO, progress=False)
+    more = planned(scene, settings_of(["engine.options.spin=3,2,1"]))
+    found = sweep(more, out, measures=measures, backend=TWO, progress=False)
+    assert sorted(told()) == ["1", "2", "3"]
+    assert found.kept == 2 and found.rows[1:] == before.rows[::-1]
+    assert [row["engine.options.spin"] for row in rows_of(out)] == ["3", "2", "1"]
+
+
+def test_what_failed_is_made_again_and_what_was_refused_is_not(scene, tmp_path):
+    out = tmp_path / "out"
+    settings = settings_of(["engine.options.note=" + str(tmp_path / "no" / "folder"), "object.toy.height=0.3,-1"])
+    first = sweep(planned(scene, settings), out, progress=False)
+    assert [row.status for row in first.rows] == ["failed", "refused"]
+    (tmp_path / "no").mkdir()
+    again = sweep(planned(scene, settings), out, progress=False)
+    assert [row.status for row in again.rows] == ["complete", "refused"] and again.kept == 1
+
+
+@pytest.mark.parametrize("changed", ["scene", "splat"])
+def test_a_scene_that_has_changed_is_noticed(scene, tmp_path, changed):
+    out, settings = tmp_path / "out", settings_of(["engine.options.spin=1"])
+    sweep(planned(scene, settings), out, progress=False)
+    if changed == "scene":
+        scene.write_text(scene.read_text().replace("height = 0.3", "height = 0.31"))
+    else:
+        from gasp_core.io import write_splat
+        from gasp_core.toy import make_toy
+
+        write_splat(scene.parent / "toy.ply", make_toy(65))
+    with pytest.raises(RecordingError, match=r"1 of its rows are of another scene.*spin=1"):
+        sweep(planned(scene, settings), out, progress=False)
+    assert sweep(planned(scene, settings), out, overwrite=True, progress=False).kept == 0
+
+
+def test_a_comment_is_no_change(scene, tmp_path):
+    out, settings = tmp_path / "out", settings_of(["engine.options.spin=1"])
+    sweep(planned(scene, settings), out, progress=False)
+    scene.write_text("# A remark.\n" + scene.read_text())
+    assert sweep(planned(scene, settings), out, progress=False).kept == 1
+
+
+def test_recordings_that_are_kept(scene, tmp_path):
+    from gasp_core import Recording
+
+    plan = planned(scene, settings_of(["engine.options.spin=1"]))
+    found = sweep(plan, tmp_path / "out", keep=True, progress=False)
+    recording = Recording.open(tmp_path / "out" / found.rows[0].columns["recording"])
+    assert recording.status == "complete" and recording.frame_count == 5
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from gasp_core.studies.runs import chosen_backend
+from gasp_core.studies.sweep import Measures, load_observable, planned, settings_of, sweep
+
+if __name__ == "__main__":
+    spins = ",".join(map(str, range(1, 9)))
+    plan = planned(sys.argv[1], settings_of(["engine.options.pause=0.1", "engine.options.spin=" + spins]))
+    measures = Measures(observables=(load_observable(sys.argv[3]),))
+    try:
+        found = sweep(plan, Path(sys.argv[2]), measures=measures, backend=chosen_backend(at_once=2), progress=False)
+        print(found.kept, len(found.completed), flush=True)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.thorough)])
+def test_killed_in_the_middle_and_called_again(scene, tmp_path, measured, number):
+    """What was done is not done again; the table is that of a sweep that nobody ended."""
+    observable, told = measured
+    script, out = tmp_path / "script.py", tmp_path / "out"
+    script.write_text(KILLED)
+    command = [sys.executable, str(script), str(scene), str(out), f"{observable.file}:tip"]
+    others = {"env": os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, "stdout": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, start_new_session=True, **others)
+    deadline = time.monotonic() + 60
+    while len(told()) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, number)
+    process.communicate(timeout=30)
+    there = len(Ledger(out / "sweep.jsonl").rows)
+    assert 1 <= there < 8
+    done = subprocess.run(command, check=True, **others)
+    assert done.stdout.split() == [str(there), "8"]
+    # One that was being measured when it ended is measured again.
+    assert len(set(told())) == 8 and len(told()) <= 8 + 2
+    plan = planned(scene, settings_of(["engine.options.pause=0.1", "engine.options.spin=1,2,3,4,5,6,7,8"]))
+    rows = rows_of(out)
+    for row, each in zip(rows, plan, strict=True):
+        here = simulate(each.scene, out=tmp_path / "here.gasp", overwrite=True, progress=False)
+        assert float(row["tip"]) == here.points(here.frame_count - 1)[:, 2].max()
+
+
+def test_a_torn_line_is_taken_off(scene, tmp_path):
+    out, settings = tmp_path / "out", settings_of(["engine.options.spin=1,2"])
+    sweep(planned(scene, settings), out, backend=TWO, progress=False)
+    path = out / "sweep.jsonl"
+    content = path.read_bytes()
+    lines = content.split(b"\n")
+    for cut in (1, 30, len(lines[-2]) - 1):
+        path.write_bytes(content[:-cut])
+        assert len(Ledger(path).rows) == 1
+        assert path.read_bytes() == b"\n".join(lines[:-2]) + b"\n"
+    path.write_bytes(content[:9])
+    assert Ledger(path).rows == []
+
+
+@pytest.mark.parametrize(
+    "content", [b"{}\n", b"hello\n", b'{"gasp sweep": 1}\n{"setting": 3}\n', b'{"gasp sweep": 2}\n', b"\xff\n"]
+)
+def test_what_is_no_ledger_stays(tmp_path, content):
+    path = tmp_path / "sweep.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"sweep\.jsonl: is no table that gasp sweep wrote"):
+        Ledger(path)
+    assert path.read_bytes() == content
+
+
+def test_a_ledger_of_any_words(tmp_path):
+    from gasp_core.studies.sweep import Row, Setting
+
+    ledger = Ledger(tmp_path / "sweep.jsonl")
+    row = Row(setting=Setting(values={"a": "\u2028\nx\u00e4"}), scene="", status="refused", columns={"reason": "\x85"})
+    ledger.add(row)
+    assert Ledger(ledger.path).rows == [row]
+    assert json.loads(ledger.path.read_bytes().split(b"\n")[1])["status"] == "refused"
+
+
+def test_what_no_run_can_be_made_of(scene, tmp_path):
+    with pytest.raises(SceneError, match="unknown key"):
+        planned(scene, settings_of(["object.toy.colour=1,2"]))
+    with pytest.raises(SceneError, match="no such scene file"):
+        planned(tmp_path / "none.toml", settings_of(["a=1"]))
+    with pytest.raises(AccuracyError, match=r"FILE\.py:FUNCTION"):
+        load_observable("mine")
+    (tmp_path / "bad.py").write_text("1 / 0")
+    with pytest.raises(AccuracyError, match="fails: ZeroDivisionError"):
+        load_observable(f"{tmp_path / 'bad.py'}:tip")
+    with pytest.raises(AccuracyError, match="cannot be read"):
+        load_observable(f"{tmp_path / 'none.py'}:tip")
+    (tmp_path / "good.py").write_text("tip = 3")
+    with pytest.raises(AccuracyError, match="has no function tip"):
+        load_observable(f"{tmp_path / 'good.py'}:tip")
+
+
+def test_an_observable_that_fails_is_told_in_its_row(scene, tmp_path):
+    (tmp_path / "mine.py").write_text("def tip(recording):\n    return {}['a']\n")
+    measures = Measures(observables=(load_observable(f"{tmp_path / 'mine.py'}:tip"),))
+    found = sweep(planned(scene, settings_of(["engine.options.spin=1"])), tmp_path / "out", measures=measures)
+    assert (found.rows[0].status, found.rows[0].columns["reason"]) == ("failed", "cannot be measured: KeyError: 'a'")
+
+
+def test_backends_that_are_not_there(tmp_path):
+    with pytest.raises(BackendError, match='no backend "slurm"'):
+        chosen_backend("slurm")
+    with pytest.raises(BackendError, match="a scheduler is of dask or ray"):
+        chosen_backend(scheduler="tcp://a:1")
+    with pytest.raises(SceneError, match="at_once"):
+        chosen_backend("dask", at_once=0)
+
+
+@pytest.mark.parametrize(("told", "most"), [("1", 1), ("0", None), ("many", None), ("", None), ("100000", None)])
+def test_each_run_has_its_share_of_threads(monkeypatch, told, most):
+    """What libraries, and GASP's own engines, are told; what is no number tells nothing."""
+    from gasp_core.stepping.threads import processors
+    from gasp_core.studies.runs.supervisor import surroundings
+
+    there = processors()
+    around = surroundings().with_threads(3)
+    assert around.environment["GASP_THREADS"] == around.environment["OMP_NUM_THREADS"] == "3"
+    assert surroundings().with_threads(None) == surroundings()
+    monkeypatch.setenv("GASP_THREADS", told)
+    assert processors() == (most or there)
