@@ -113,7 +113,7 @@ def _print_for_people(found: Comparison) -> None:
             click.echo(f"\n{row.engine}: {row.outcome.reason}")
     if found.pairs:
         click.echo()
-        header = ["PAIR", "FRAMES", "RMS %", "P95 %", "SHAPE %", "CENTRE %", "PSNR dB", "SSIM"]
+        header = ["PAIR", "FRAMES", "RMS %", "P95 %", "SHAPE %", "CENTRE %", "PSNR dB", "SSIM", "PART"]
         print_table(header, [_pair_cells(pair) for pair in found.pairs])
     for note in found.notes:
         click.echo(f"\n{note}")
@@ -141,4 +141,4 @@ def _pair_cells(pair: Pair) -> list[str]:
     far, like = pair.distance, pair.likeness
     shares = [far.rms_share, far.p95_share, far.shape_share, far.centre_share]
     pictures = ["-", "-"] if like is None else [f"{like.psnr:.1f}", f"{like.ssim:.3f}"]
-    return [name, str(len(far.frames)), *(f"{100 * share:.3g}" for share in shares), *pictures]
+    return [name, str(len(far.frames)), *(f"{100 * share:.3g}" for share in shares), *pictures, str(pair.parting)]

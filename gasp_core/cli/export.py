@@ -13,6 +13,7 @@ import click
 from gasp_core.cli.export_stage import export_stage, is_stage, readable
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.run_path import RunPath
 from gasp_core.cli.up_axes import UP_AXES
 from gasp_core.errors import RecordingError
 
@@ -38,7 +39,7 @@ Examples:
   gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
 """
 )
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option(
     "--format",
     "suffix",

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.run_path import RunPath
 
 __all__ = ["pack"]
 
@@ -22,7 +23,7 @@ Examples:
   gasp render plant.moving.sog -o film.mp4       it is all one needs
 """
 )
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--html", is_flag=True, help="A page that plays it, in any browser, without a network.")
 @click.option(
     "--out",

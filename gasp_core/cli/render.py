@@ -10,6 +10,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
+from gasp_core.cli.run_path import RunPath
 from gasp_core.errors import RenderingError
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ A camera of its own can stand in the scene file:
   target = [0, 0, 0.2]
 """
 )
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option(
     "--out",
     "-o",

@@ -73,7 +73,8 @@ Examples:
     "--out",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
-    help="Where to keep the frames. [default: the scene's name with .gasp, in the current folder]",
+    help="Where to keep the frames: a folder, or s3://bucket/run.gasp and the like. [default: the scene's name with"
+    " .gasp, in the current folder]",
 )
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped, from its last checkpoint.")
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")
@@ -160,12 +161,17 @@ def run(
         return
     # What was filmed of it so far is part of a run that goes on.
     keep_what_is_there(films, overwrite or resume, "--render")
-    with resumable(folder, command), rehearsed() if films else contextlib.nullcontext():
-        with filmed(folder, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
+    from gasp_core.recording.addresses import Mirror, address_of
+
+    address = address_of(folder)
+    # Whoever looks at it while it is made looks at what is on this machine.
+    here = folder if address is None else Mirror(address).path
+    with resumable(here, command), rehearsed() if films else contextlib.nullcontext():
+        with filmed(here, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
             recording = simulate(
                 loaded,
                 engine=engine,
-                out=folder,
+                out=address or folder,
                 device=settings.device,
                 precision=settings.precision,
                 resume=resume,
@@ -174,7 +180,7 @@ def run(
                 isolate=isolate or None,
                 trust_code=trusted,
                 progress=False if as_json or quiet else "log",
-                recorded=_told(folder, recorded) if verbose else recorded,
+                recorded=_told(here, recorded) if verbose else recorded,
             )
             if recorded is not None and recording.frame_count:
                 # A run that was gone on with may have had all its frames already.
@@ -191,8 +197,8 @@ def run(
         else:
             print_outcome(recording)
             if not films:
-                click.echo(f"a film of it: gasp render {shlex.quote(str(folder))}")
-            click.echo(f"splat files of it: gasp export {shlex.quote(str(folder))} --all --format ply")
+                click.echo(f"a film of it: gasp render {shlex.quote(address or str(folder))}")
+            click.echo(f"splat files of it: gasp export {shlex.quote(address or str(folder))} --all --format ply")
         if interrupted(recording):
             raise KeyboardInterrupt
 

@@ -9,6 +9,7 @@ import click
 
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.run_path import RunPath
 
 __all__ = ["DAMAGED", "verify"]
 
@@ -28,7 +29,7 @@ Checksums find what copying, disks and memory do to files. Anybody can compute
 them: they do not tell who wrote a recording.
 """
 )
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 @most_memory_option
 def verify(run: Path, as_json: bool) -> None:

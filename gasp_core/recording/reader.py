@@ -14,6 +14,7 @@ from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.notebooks import ShownInNotebooks
+from gasp_core.recording.addresses import local_copy
 from gasp_core.recording.arrays import chunk_key
 from gasp_core.recording.checks import check_carrier, check_status
 from gasp_core.recording.commits import Commits, numbered, too_many_lost
@@ -56,14 +57,14 @@ class Recording(ShownInNotebooks):
 
     @classmethod
     def open(cls, path: str | Path) -> Recording:
-        """Open a recording.
+        """Open a recording: a folder, or what is at an address, s3://bucket/run.gasp, as it is there now.
 
         Raises
         ------
         RecordingError
             Where there is none, it is damaged, or of a newer version.
         """
-        path = Path(path)
+        path = local_copy(path)
         return cls(path, read_header(path))
 
     def __repr__(self) -> str:

@@ -27,6 +27,7 @@ from gasp_core.errors import RecordingError, SceneError
 from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import Progress, Shown, progress_for
 from gasp_core.recording import Recording
+from gasp_core.recording.addresses import address_of, mirrored, pushing
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
@@ -72,7 +73,8 @@ def simulate(
     engine
         Name of an engine instead of the scene's, or one that is not installed, with its descriptor.
     out
-        Folder of the recording. None: a temporary one, gone when the process ends.
+        Folder of the recording, or an address, s3://bucket/run.gasp, see `gasp_core.recording.addresses`. None: a
+        temporary one, gone when the process ends.
     device, precision
         Instead of the scene's; without them another engine keeps what the scene says where it can, see
         `Scene.with_engine`.
@@ -108,21 +110,23 @@ def simulate(
         longer credible, EngineCrashedError where the process of an isolated engine dies; the frames up to the last good
         one are kept.
     """
-    return simulate_part(
-        scene,
-        scene,
-        engine,
-        out,
-        device=device,
-        precision=precision,
-        resume=resume,
-        frames=frames,
-        overwrite=overwrite,
-        isolate=isolate,
-        trust_code=trust_code,
-        progress=progress,
-        recorded=recorded,
-    )
+    address = None if out is None else address_of(out)
+    with mirrored(address, resume=resume, overwrite=overwrite) if address else nullcontext() as mirror:
+        return simulate_part(
+            scene,
+            scene,
+            engine,
+            out if mirror is None else mirror.path,
+            device=device,
+            precision=precision,
+            resume=resume,
+            frames=frames,
+            overwrite=overwrite,
+            isolate=isolate,
+            trust_code=trust_code,
+            progress=progress,
+            recorded=recorded if mirror is None else pushing(mirror, recorded),
+        )
 
 
 def simulate_part(

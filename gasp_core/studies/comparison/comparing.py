@@ -19,6 +19,7 @@ from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
 from gasp_core.recording.writer import refuse_existing
+from gasp_core.reduction.assembly import Assembly
 from gasp_core.rendering.camera import check_size
 from gasp_core.scene.model import Scene
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
@@ -28,6 +29,7 @@ from gasp_core.studies.comparison.curves import RunCurves, curves_of
 from gasp_core.studies.comparison.filming import film_all
 from gasp_core.studies.comparison.measures import Comparison, Likeness, Pair, Row
 from gasp_core.studies.comparison.page import page_of
+from gasp_core.studies.comparison.parting import first_meeting, parting_of
 from gasp_core.studies.comparison.running import chosen_engines, notes_of, run_all, runs_of
 from gasp_core.studies.runs import Backend, Limits, Outcome, Run, check_limits
 
@@ -135,7 +137,7 @@ def compare(
         size=size,
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
-        pairs=_pairs(recordings, filmed.likenesses, progress),
+        pairs=_pairs(recordings, filmed.likenesses, assembly, progress),
         notes=(*notes_of(scene, runs), *filmed.notes),
     )
     masses = assembly.problem.masses
@@ -161,16 +163,27 @@ def _row(run: Run, outcome: Outcome, recordings: Mapping[str, Recording], films:
 
 
 def _pairs(
-    recordings: Mapping[str, Recording], likenesses: Mapping[tuple[str, str], Likeness], progress: bool | None
+    recordings: Mapping[str, Recording],
+    likenesses: Mapping[tuple[str, str], Likeness],
+    assembly: Assembly,
+    progress: bool | None,
 ) -> tuple[Pair, ...]:
     """Every two of them, over the frames that both have."""
     pairs = list(itertools.combinations(recordings, 2))
+    meetings: dict[str, float | None] = {}
+
+    def met(name: str) -> float | None:
+        if name not in meetings:
+            meetings[name] = first_meeting(recordings[name], assembly.problem, assembly.spacing)
+        return meetings[name]
+
     found: list[Pair] = []
     with counting(progress, "distance", len(pairs)) as measured:
         for first, second in pairs:
-            apart, reason = None, ""
+            apart, parting, reason = None, None, ""
             try:
                 apart = distance(recordings[first], recordings[second])
+                parting = parting_of(apart, (met(first), met(second)))
             except (AccuracyError, RecordingError) as error:
                 reason = str(error)
             found.append(
@@ -180,6 +193,7 @@ def _pairs(
                     distance=apart,
                     likeness=likenesses.get((first, second)),
                     reason=reason,
+                    parting=parting,
                 )
             )
             measured()

@@ -14,6 +14,7 @@ from gasp_core.studies.runs import Outcome, RunStatus
 
 if TYPE_CHECKING:
     from gasp_core.accuracy.trajectories import Distance, TrajectoryDistance
+    from gasp_core.studies.comparison.parting import Parting
 
 __all__ = ["Comparison", "Likeness", "Pair", "Row"]
 
@@ -96,6 +97,8 @@ class Pair:
         Of their pictures; None where they were not compared.
     reason
         Why there is no distance; empty otherwise.
+    parting
+        When they part, and whether something had met something by then; None where there is no distance.
     """
 
     first: str
@@ -103,6 +106,7 @@ class Pair:
     distance: TrajectoryDistance | None
     likeness: Likeness | None = None
     reason: str = ""
+    parting: Parting | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -111,6 +115,8 @@ class Pair:
             "engines": [self.first, self.second],
             "reason": self.reason,
             "distance": None if self.distance is None else _whole_to_json(self.distance),
+            "apart_at": None if self.parting is None else self.parting.apart_at,
+            "met_at": None if self.parting is None else self.parting.met_at,
             "pictures": None
             if likeness is None
             else {"frames": list(likeness.frames), "psnr": likeness.psnr, "ssim": likeness.ssim},

@@ -80,14 +80,24 @@ class _Stamps:
 
 def _carried_out(run: Run, stamps: _Stamps) -> tuple[RunStatus, str]:
     """Simulate; how that ended, and why where it is not complete."""
+    from contextlib import nullcontext
+
     from gasp_core import errors
     from gasp_core.discovery.loading import one_line
+    from gasp_core.recording.addresses import mirrored, pushing
     from gasp_core.simulation import simulate
 
+    kept = mirrored(run.address, resume=False, overwrite=True, here=run.out) if run.address else nullcontext()
     try:
-        recording = simulate(
-            run.scene, out=run.out, frames=run.frames, trust_code=run.trust_code, progress=False, recorded=stamps
-        )
+        with kept as mirror:
+            recording = simulate(
+                run.scene,
+                out=run.out,
+                frames=run.frames,
+                trust_code=run.trust_code,
+                progress=False,
+                recorded=stamps if mirror is None else pushing(mirror, stamps),
+            )
     except (
         errors.UnsupportedSceneError,
         errors.UnknownEngineError,

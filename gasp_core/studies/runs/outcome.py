@@ -69,6 +69,8 @@ class Run:
         Called with the recording, where that was made, if it has a frame; what it gives is `Outcome.found`.
     keep
         Whether the recording stays at `out`; if not, it is made where there is room, and gone once it is measured.
+    address
+        Where it is kept instead, s3://bucket/run.gasp, see `gasp_core.recording.addresses`; what is there is replaced.
     """
 
     key: str
@@ -78,6 +80,7 @@ class Run:
     trust_code: bool = False
     measure: Callable[[Recording], Mapping[str, Any]] | None = None
     keep: bool = True
+    address: str = ""
 
 
 class RunStatus(Enum):

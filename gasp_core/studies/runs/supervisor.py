@@ -92,7 +92,8 @@ def keep(run: Run, around: Surroundings, notes: Path, limits: Limits, wanted: Ca
     try:
         folder = Path(tempfile.mkdtemp(dir=notes))
         # What is measured is measured here, and need not be known to that process.
-        made = replace(run, measure=None, out=run.out if run.keep else folder / "run.gasp")
+        stays = run.keep and not run.address
+        made = replace(run, measure=None, out=run.out if stays else folder / "run.gasp")
         (folder / child.RUN).write_bytes(pickle.dumps(made))
         process = _Process(around.with_threads(limits.threads), folder)
     except OSError as error:
@@ -113,7 +114,7 @@ def keep(run: Run, around: Surroundings, notes: Path, limits: Limits, wanted: Ca
             ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {error}"
         except Exception as error:  # a function of the user's may raise anything
             ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {type(error).__name__}: {error}"
-    if not run.keep:
+    if not stays:
         recording = None
         shutil.rmtree(folder, ignore_errors=True)
     start, stride = split_times(begin, [stamp["at"] for stamp in stamps], end)

@@ -13,11 +13,9 @@ import numpy as np
 from gasp_core.accuracy.trajectories import distance
 from gasp_core.errors import AccuracyError
 from gasp_core.recording import Recording
+from gasp_core.studies.comparison.parting import APART
 
 __all__ = ["Measures", "Observable", "load_observable"]
-
-APART = 0.01
-"""Of the diagonal: two runs are apart from where their rms distance is more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

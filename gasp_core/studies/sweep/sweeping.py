@@ -136,6 +136,7 @@ def sweep(
     backend: Backend | None = None,
     limits: Limits | None = None,
     keep: bool = False,
+    keep_at: str = "",
     overwrite: bool = False,
     trust_code: bool = False,
     progress: Shown = None,
@@ -158,7 +159,9 @@ def sweep(
     limits
         Of each run; None: none.
     keep
-        Keep the recordings.
+        Keep the recordings, in `out`.
+    keep_at
+        An address that they are kept at instead, s3://bucket/runs.
     overwrite
         Make all rows anew.
     trust_code
@@ -189,6 +192,7 @@ def sweep(
             trust_code=trust_code,
             measure=measures,
             keep=keep,
+            address=f"{keep_at}/{key}.gasp" if keep_at else "",
         )
         for key, each in waiting.items()
         if each.scene is not None
@@ -198,6 +202,8 @@ def sweep(
 
         def finished(outcome: Outcome) -> None:
             recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
+            if keep_at and outcome.frame_count:
+                recording = f"{keep_at}/{outcome.key}.gasp"
             each = waiting[outcome.key]
             _keep(ledger, known, Row.of(each.setting, each.digest, outcome, recording))
             table.write(_PAUSE)

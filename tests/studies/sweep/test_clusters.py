@@ -125,6 +125,24 @@ def test_schedulers_that_are_not_there(scene, tmp_path, monkeypatch):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        ("127.0.0.1:9", "no ray cluster at 127.0.0.1:9"),
+        ("ray://127.0.0.1:9", "no ray cluster at ray://127.0.0.1:9"),
+        ("127.0.0.1:99999", "no ray cluster at 127.0.0.1:99999"),
+        ("head", "is no address of ray"),
+    ],
+)
+def test_ray_clusters_that_are_not_there(scene, tmp_path, where, said):
+    """Told at once, and not after Ray's own quarter of an hour."""
+    pytest.importorskip("ray")
+    plan = planned(scene, settings_of(["engine.options.spin=1"]))
+    with pytest.raises(BackendError, match=said) as caught:
+        sweep(plan, tmp_path / "out", backend=chosen_backend("ray", scheduler=where), progress=False)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.thorough
 def test_what_is_left_early_is_ended_on_its_worker(scene, tmp_path):
     """As Ctrl-C does it."""

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from object_store import object_store
 
 from gasp_core import load_scene, simulate
 from gasp_core.errors import AccuracyError, BackendError, RecordingError, SceneError
@@ -147,6 +148,24 @@ def test_recordings_that_are_kept(scene, tmp_path):
     found = sweep(plan, tmp_path / "out", keep=True, progress=False)
     recording = Recording.open(tmp_path / "out" / found.rows[0].columns["recording"])
     assert recording.status == "complete" and recording.frame_count == 5
+
+
+def test_recordings_at_an_address(scene, tmp_path):
+    """Workers bring them there; nothing of them stays here."""
+    from gasp_core import Recording
+
+    plan = planned(scene, settings_of(["engine.options.spin=1,2"]))
+    with object_store() as bucket:
+        found = sweep(plan, tmp_path / "out", keep_at=f"{bucket}/sweep", backend=TWO, progress=False)
+        for row, each in zip(found.rows, plan):
+            assert (row.status, row.columns["reason"]) == ("complete", "")
+            here = simulate(each.scene, out=tmp_path / "here.gasp", overwrite=True, progress=False)
+            there = Recording.open(row.columns["recording"])
+            assert np.array_equal(there.points(4), here.points(4)) and there.status == "complete"
+        elsewhere = sweep(plan, tmp_path / "other", keep_at="s3://no-such-bucket/sweep", backend=TWO, progress=False)
+    assert [row.status for row in elsewhere.rows] == ["failed", "failed"]
+    assert "s3://no-such-bucket/sweep" in elsewhere.rows[0].columns["reason"]
+    assert not list((tmp_path / "out" / "runs").iterdir())
 
 
 KILLED = """

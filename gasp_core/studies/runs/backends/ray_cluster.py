@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import socket
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ __all__ = ["RayRuns"]
 
 _AGAIN = 3
 """Workers that a run may take along before it is given up."""
+_PATIENCE = 10.0
+"""Seconds for which an answer is waited for."""
 _AHEAD = 2
 """Runs for each processor of the cluster that are handed over before they can begin."""
 
@@ -104,6 +107,21 @@ def _path_of(parcel: Parcel, digest: str) -> Path:
     return next(source.path for source in parcel.sources if source.digest == digest)
 
 
+def _refuse_silent(scheduler: str) -> None:
+    """Refuse an address at which nobody answers: Ray itself would try for a quarter of an hour."""
+    host, colon, port = scheduler.rpartition("://")[2].rpartition(":")
+    if not colon or not port.isdecimal():
+        if scheduler == "auto":
+            return
+        raise BackendError(f'{scheduler}: is no address of ray: "auto", host:6379 or ray://host:10001')
+    try:
+        socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise BackendError(
+            f"no ray cluster at {scheduler}: {getattr(error, 'strerror', None) or error}: ray start --head begins one"
+        ) from None
+
+
 def _connected(scheduler: str | None, workers: int) -> Any:
     # Nobody who simulates has asked to send reports to anybody.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -112,6 +130,8 @@ def _connected(scheduler: str | None, workers: int) -> Any:
         ray: Any = importlib.import_module("ray")
     except ImportError:
         raise BackendError("runs by ray need its package: pip install 'gasp-core[ray]'") from None
+    if scheduler is not None:
+        _refuse_silent(scheduler)
     own = {"address": scheduler} if scheduler is not None else {"num_cpus": workers, "include_dashboard": False}
     try:
         ray.init(log_to_driver=False, logging_level="ERROR", ignore_reinit_error=False, **own)

@@ -1,0 +1,293 @@
+"""Recordings at addresses: in memory, and on an object store whose connection is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+
+import flying_points
+import numpy as np
+import pytest
+from object_store import object_store
+
+from gasp_core import Recording, RecordingChoice, simulate
+from gasp_core.errors import RecordingError
+from gasp_core.recording.addresses import Mirror, address_of, local_copy
+from gasp_core.recording.verifying import verify
+
+fsspec = pytest.importorskip("fsspec")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    """This machine's; `elsewhere` is another machine's."""
+    monkeypatch.setenv("GASP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("gasp_core.recording.addresses._PAUSE", 0.0)
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """From here on on a machine that has seen nothing."""
+    count = iter(range(100))
+    return lambda: monkeypatch.setenv("GASP_CACHE", str(tmp_path / f"machine {next(count)}"))
+
+
+@pytest.fixture
+def store():
+    """A file system in memory, empty."""
+    files = fsspec.filesystem("memory")
+    files.store.clear()
+    files.pseudo_dirs[:] = [""]
+    return files
+
+
+@pytest.fixture(scope="module")
+def bucket():
+    with object_store() as address:
+        yield address
+
+
+@pytest.fixture
+def record(scene_of, cloud):
+    def go(out, *, frames=None, duration=0.16, engine=None, **others):
+        scene = scene_of(cloud(20), duration=duration, recording=RecordingChoice(checkpoint_frames=2))
+        engine = engine or (flying_points.descriptor(), flying_points.Ballistic())
+        return simulate(scene, engine, out, frames=frames, progress=False, **others)
+
+    return go
+
+
+def same(one, other):
+    assert one.frame_count == other.frame_count and one.status == other.status
+    for frame in range(one.frame_count):
+        assert np.array_equal(one.points(frame), other.points(frame))
+    assert verify(one.path).damaged == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "address"),
+    [
+        ("s3://b/run.gasp", "s3://b/run.gasp"),
+        ("s3:/b/run.gasp", "s3://b/run.gasp"),
+        ("memory://run.gasp/", "memory://run.gasp"),
+        ("ssh://host/a/run.gasp", "ssh://host/a/run.gasp"),
+        ("/a/run.gasp", None),
+        ("C:/a/run.gasp", None),
+        ("file:///a/run.gasp", None),
+        ("run.gasp", None),
+        ("a:b", None),
+    ],
+)
+def test_what_is_an_address(path, address):
+    assert address_of(path) == address
+
+
+@pytest.mark.parametrize("where", ["memory", "s3"])
+def test_a_run_at_an_address_is_that_on_disk(record, tmp_path, elsewhere, store, request, where):
+    root = "memory://runs" if where == "memory" else request.getfixturevalue("bucket")
+    disk = record(tmp_path / "disk.gasp")
+    made = record(f"{root}/whole.gasp")
+    same(made, disk)
+    elsewhere()
+    found = Recording.open(f"{root}/whole.gasp")
+    assert found.path != made.path
+    same(found, disk)
+
+
+def test_where_there_are_folders_they_are_made(record, tmp_path, elsewhere):
+    """As on another machine, by ssh: here one of this machine's folders."""
+    from fsspec.implementations.local import LocalFileSystem
+
+    class Foldered(LocalFileSystem):
+        protocol = "foldered"
+
+        def __init__(self, **others):
+            super().__init__(auto_mkdir=False, **others)
+
+        @classmethod
+        def _strip_protocol(cls, path):
+            return str(path).removeprefix("foldered:/")
+
+    fsspec.register_implementation("foldered", Foldered, clobber=True)
+    address = f"foldered:/{tmp_path}/far/away.gasp"
+    disk = record(tmp_path / "disk.gasp")
+    record(address, frames=2)
+    same(Recording.open(tmp_path / "far" / "away.gasp"), record(tmp_path / "two.gasp", frames=2))
+    elsewhere()
+    same(record(address, resume=True), disk)
+
+
+def test_frames_are_there_as_they_come(record, store, elsewhere):
+    """Read by somebody else while the run goes on."""
+    seen = []
+
+    def look(frame):
+        keys = sorted(store.find("/runs/a.gasp"))
+        commits = [key for key in keys if "/commits/0" in key]
+        displacements = [key for key in keys if "/frames/displacements/c" in key]
+        seen.append((len(commits), len(displacements)))
+
+    record("memory://runs/a.gasp", recorded=look)
+    assert [commits for commits, _ in seen] == [1, 2, 3, 4, 5]
+    assert all(displacements >= commits for commits, displacements in seen)
+
+
+def test_going_on_elsewhere_is_the_run_that_never_stopped(record, tmp_path, elsewhere, store):
+    disk = record(tmp_path / "disk.gasp")
+    record("memory://runs/a.gasp", frames=3)
+    elsewhere()
+    same(record("memory://runs/a.gasp", resume=True), disk)
+    elsewhere()
+    same(Recording.open("memory://runs/a.gasp"), disk)
+    # There is nothing of what was there before and is no more.
+    checkpoints = {key.split("/")[4] for key in store.find("/runs/a.gasp/checkpoints") if key.count("/") > 4}
+    assert len(checkpoints) <= 2
+
+
+class Lost(Exception):
+    pass
+
+
+@contextlib.contextmanager
+def connection(store, monkeypatch, writes):
+    """Lost for good after so many files have been written."""
+    left = [writes]
+    put = type(store).put_file
+
+    def counted(self, *given, **others):
+        left[0] -= 1
+        if left[0] < 0:
+            raise Lost("connection reset by peer")
+        return put(self, *given, **others)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(store), "put_file", counted)
+        yield
+
+
+@pytest.mark.parametrize("after", [0, 7, 20, 28, 33, 37])
+def test_a_connection_that_is_lost_for_good(record, tmp_path, monkeypatch, elsewhere, store, after):
+    """Finished frames can be read, and going on gives what the whole run would have been."""
+    disk = record(tmp_path / "disk.gasp")
+    address = "memory://runs/a.gasp"
+    with (
+        connection(store, monkeypatch, after),
+        pytest.raises(RecordingError, match=r"is not complete, the connection was lost \(connection reset by peer\)"),
+    ):
+        record(address)
+    elsewhere()
+    if Mirror(address).exists():
+        found = Recording.open(address)
+        for frame in range(found.frame_count):
+            assert np.array_equal(found.points(frame), disk.points(frame))
+    same(record(address, resume=True), disk)
+    elsewhere()
+    same(Recording.open(address), disk)
+
+
+def test_a_connection_that_comes_back_harms_nothing(record, tmp_path, monkeypatch, elsewhere, store):
+    """Every third file does not come through."""
+    count = iter(range(10_000))
+    put = type(store).put_file
+
+    def flaky(self, *given, **others):
+        if next(count) % 11 == 5:
+            raise Lost("timed out")
+        return put(self, *given, **others)
+
+    monkeypatch.setattr(type(store), "put_file", flaky)
+    made = record("memory://runs/a.gasp")
+    monkeypatch.undo()
+    elsewhere()
+    same(record(tmp_path / "disk.gasp"), made)
+
+
+def test_what_diverges_is_kept_there_too(record, store, elsewhere):
+    from gasp_core.errors import EngineDivergedError
+
+    class Wrong(flying_points.Ballistic):
+        pass
+
+    with pytest.raises(EngineDivergedError):
+        simulate_with_fault(record, "memory://runs/a.gasp")
+    found = Recording.open("memory://runs/a.gasp")
+    assert found.status == "incomplete" and found.frame_count == 3
+
+
+def simulate_with_fault(record, out):
+    scene_options = {"fault": "nan"}
+    return record(out, engine=(flying_points.descriptor(), Faulty(scene_options)))
+
+
+class Faulty(flying_points.Ballistic):
+    """Set to fail, whatever the scene says."""
+
+    def __init__(self, options):
+        super().__init__()
+        self._own = flying_points.Options(**options)
+
+    def open(self, problem, **others):
+        return super().open(problem, **{**others, "options": self._own})
+
+
+def test_copies_are_fetched_anew_only_where_they_have_changed(record, store, monkeypatch):
+    record("memory://runs/a.gasp")
+    Recording.open("memory://runs/a.gasp")
+    fetched = []
+    get = type(store).get_file
+    monkeypatch.setattr(
+        type(store), "get_file", lambda self, *given, **others: (fetched.append(given[0]), get(self, *given, **others))
+    )
+    found = local_copy("memory://runs/a.gasp")
+    assert fetched == []
+    (found / "status" / "zarr.json").unlink()
+    (found / "zarr.json.strange").write_text("left over")
+    local_copy("memory://runs/a.gasp")
+    assert [key.rpartition("a.gasp/")[2] for key in fetched] == ["status/zarr.json"]
+    assert not (found / "zarr.json.strange").exists()
+
+
+def test_what_is_there_stays(record, store):
+    record("memory://runs/a.gasp", frames=2)
+    before = {key: store.cat_file(key) for key in store.find("/runs/a.gasp")}
+    with pytest.raises(RecordingError, match="a recording is there already"):
+        record("memory://runs/a.gasp")
+    assert {key: store.cat_file(key) for key in store.find("/runs/a.gasp")} == before
+    assert record("memory://runs/a.gasp", overwrite=True).frame_count == 5
+    store.pipe_file("/runs/mine/notes.txt", b"precious")
+    for overwrite in (False, True):
+        with pytest.raises(RecordingError, match=r"holds notes\.txt, which is of no recording"):
+            record("memory://runs/mine", overwrite=overwrite)
+    assert store.cat_file("/runs/mine/notes.txt") == b"precious"
+
+
+def test_what_cannot_be_read_or_written_is_one_line(record, store, bucket, monkeypatch):
+    cases = [
+        (lambda: Recording.open("memory://runs/none.gasp"), "there is no such recording"),
+        (lambda: Recording.open(f"{bucket}/none.gasp"), "there is no such recording"),
+        (lambda: Recording.open("nonsense://runs/a.gasp"), "cannot be opened"),
+        (lambda: record("s3://no-such-bucket/a.gasp"), "cannot be written"),
+    ]
+    for what, said in cases:
+        with pytest.raises(RecordingError, match=said) as caught:
+            what()
+        assert "\n" not in str(caught.value)
+
+    def denied(self, *given, **others):
+        raise PermissionError("Forbidden")
+
+    monkeypatch.setattr(type(store), "pipe_file", denied)
+    with pytest.raises(RecordingError, match="cannot be written: Forbidden"):
+        record("memory://runs/b.gasp")
+    assert store.find("/runs/b.gasp") == []
+    monkeypatch.setenv("GASP_CACHE", "")
+    with pytest.raises(RecordingError, match="GASP_CACHE"):
+        Recording.open("memory://runs/a.gasp")
+
+
+def test_a_damaged_copy_of_notes_costs_time_alone(record, store):
+    record("memory://runs/a.gasp")
+    found = local_copy("memory://runs/a.gasp")
+    (found.parent / ".gasp-mirror.json").write_text("{")
+    assert Recording.open("memory://runs/a.gasp").frame_count == 5
+    assert json.loads((found.parent / ".gasp-mirror.json").read_text())
