@@ -11,6 +11,7 @@ from typing import cast
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
+from gasp_core.cli.run_path import RunPath
 from gasp_core.errors import RenderingError
 from gasp_core.scene.objects import UP_AXES, UpAxis
 from gasp_viewer.colouring import COLOURINGS
@@ -34,7 +35,7 @@ Examples:
 In the page: drag turns, drag with the right button shifts, the wheel zooms.
 """
 )
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=RunPath())
 @click.option(
     "--host",
     default="127.0.0.1",
