@@ -55,6 +55,9 @@ class Makers:
         from gasp_core.stepping.threads import processors
         from gasp_core.studies.runs import Limits
 
+        if self.threads is None and self.scheduler is not None:
+            # Of workers elsewhere nobody here knows the processors.
+            return Limits(seconds=self.time_limit, memory=self.memory_limit, threads=1)
         threads = self.threads or (max(1, processors() // at_once) if at_once > 1 or self.backend != "loky" else None)
         return Limits(seconds=self.time_limit, memory=self.memory_limit, threads=threads)
 
@@ -103,7 +106,7 @@ def makers_options(jobs: str) -> Callable[[Callable[..., None]], Callable[..., N
                 "--threads",
                 metavar="N",
                 type=click.IntRange(min=1),
-                help="Of each run. [default: the processors, shared out among the runs at a time]",
+                help="Of each run. [default: the processors, shared out among the runs at a time; 1 with --scheduler]",
             ),
             click.option(
                 "--time-limit",

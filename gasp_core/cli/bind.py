@@ -23,7 +23,8 @@ Examples:
 
 \b
 MOVED is the mesh again, its vertices moved and in the same order, or a .npy of
-NumPy, (vertices, 3) or (frames, vertices, 3). A folder of frames is played by
+NumPy, (vertices, 3) or (frames, vertices, 3). Of an .obj with a texture leave
+that out in both: along its seams vertices count twice. A folder of frames is played by
 motion = { kind = "frames" } in a scene; a physics engine moves the vertices
 with reduction = { mode = "mesh" }.
 """

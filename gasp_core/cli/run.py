@@ -161,11 +161,11 @@ def run(
         return
     # What was filmed of it so far is part of a run that goes on.
     keep_what_is_there(films, overwrite or resume, "--render")
-    from gasp_core.recording.addresses import Mirror, address_of
+    from gasp_core.recording.addresses import address_of, made_here
 
     address = address_of(folder)
     # Whoever looks at it while it is made looks at what is on this machine.
-    here = folder if address is None else Mirror(address).path
+    here = folder if address is None else made_here(address)
     with resumable(here, command), rehearsed() if films else contextlib.nullcontext():
         with filmed(here, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
             recording = simulate(

@@ -200,7 +200,7 @@ def _print_for_people(found: Sweep) -> None:
     print_table([*header, *extra], [_cells(row, several, extra) for row in shown])
     if len(found.rows) > len(shown):
         click.echo(f"... and {len(found.rows) - len(shown):,} more")
-    said = (row.columns.get(name) for row in found.rows for name in ("reason", "not_compared"))
+    said = (row.columns.get(name) for row in found.rows for name in ("reason", "not_compared", "not_observed"))
     reasons = Counter(str(each) for each in said if each)
     for reason, count in reasons.most_common(5):
         click.echo(f"\n{count} x {reason}" if count > 1 else f"\n{reason}")

@@ -17,6 +17,7 @@ from gasp_core.errors import SplatFormatError
 from gasp_core.games import choose_vertices, from_simplices, to_simplices
 from gasp_core.gaussians import Gaussians, rotation_quaternions
 from gasp_core.io.activations import colour_to_dc
+from gasp_core.io.meshes import face_areas
 from gasp_core.io.painted_meshes import PaintedMesh
 
 __all__ = ["Binding", "bind_to_mesh", "face_frames", "face_of_each", "in_face_frames", "splat_of_mesh"]
@@ -31,6 +32,8 @@ _THINNEST = 1e-4
 _LEAST = 1e-6
 """Of the mean area of faces."""
 _OPACITY = 0.98
+_SLIVER = 1e-4
+"""Height over length below which a face is none to go with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,8 +181,17 @@ def face_of_each(gaussians: Gaussians, vertices: Array, faces: Array) -> tuple[A
     if not (np.isfinite(means).all() and np.isfinite(vertices).all()):
         raise SplatFormatError("a splat that is not finite, or a mesh, cannot be bound: drop what is not")
     finding: Any = igl
+    faces = _not_slivers(vertices, faces)
     squares, nearest, _ = finding.point_mesh_squared_distance(means, vertices, faces)
     return faces[np.asarray(nearest).reshape(-1)], np.sqrt(np.asarray(squares).reshape(-1))
+
+
+def _not_slivers(vertices: Array, faces: Array) -> Array:
+    """Those that have a frame which a small motion of their corners does not turn over; all, where none has."""
+    corners = vertices[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    kept = 2 * face_areas(vertices, faces) > _SLIVER * longest**2
+    return faces[kept] if kept.any() else faces
 
 
 def _bound(gaussians: Gaussians, vertices: Array, corners: Array, count: int) -> Binding:

@@ -18,7 +18,9 @@ Array = NDArray[Any]
 
 
 def read_mesh_as_it_is(path: Path) -> TriangleMesh:
-    """The triangles of a file, its vertices in their order, those that no triangle has too.
+    """The triangles of a file, its vertices in the order in which trimesh reads them; those that no triangle has too.
+
+    Of an .obj with texture coordinates that is not the order of the file: along the seams of its map a vertex is two.
 
     Triangles that are not finite or have no area are left out.
 
@@ -56,6 +58,8 @@ def read_moved_vertices(path: Path, mesh: TriangleMesh) -> Array:
                 "the vertices are those of the mesh, in their order",
             )
         found = found.reshape(-1, count, 3)
+        if not len(found):
+            raise malformed(path, "has no frame", "write one at least")
     else:
         found = from_scene(path, _joined, painted=False).vertices[None]
         if found.shape[1] != count:

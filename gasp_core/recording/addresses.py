@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import importlib
 import json
+import os
 import re
 import shutil
 import time
@@ -24,7 +25,7 @@ from gasp_core.processes.scratch import MARK
 from gasp_core.recording.layout import FILES
 from gasp_core.solid.remembered import cache_folder
 
-__all__ = ["Mirror", "address_of", "local_copy", "mirrored", "pushing"]
+__all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
 
 _ADDRESS = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?!/)(.+)", re.DOTALL)
 _TAGS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created", "updated")
@@ -61,6 +62,11 @@ def local_copy(path: str | Path) -> Path:
     return Path(path) if address is None else Mirror(address).fetched()
 
 
+def made_here(address: str) -> Path:
+    """Where a recording that is to be at an address is made; whoever reads what is at the address has another copy."""
+    return _in_cache(address, PurePosixPath(_file_system(address)[1]).name, "made")
+
+
 @contextlib.contextmanager
 def mirrored(address: str, *, resume: bool, overwrite: bool, here: Path | None = None) -> Generator[Mirror]:
     """A recording that is made on this machine, and is at the address too in the end, however that comes about.
@@ -79,7 +85,7 @@ def mirrored(address: str, *, resume: bool, overwrite: bool, here: Path | None =
     RecordingError
         See `Mirror`.
     """
-    mirror = Mirror(address, here)
+    mirror = Mirror(address, made_here(address) if here is None else here)
     if resume and mirror.exists():
         mirror.fetched()
     else:
@@ -122,7 +128,7 @@ class Mirror:
     def __init__(self, address: str, here: Path | None = None) -> None:
         self.address = address
         self._files, self._root = _file_system(address)
-        self.path = _in_cache(address, PurePosixPath(self._root).name) if here is None else here
+        self.path = _in_cache(address, PurePosixPath(self._root).name, "read") if here is None else here
         self._pushed: dict[str, tuple[int, int]] = {}
         protocols = self._files.protocol
         self._foldered = _KEYED.isdisjoint([protocols] if isinstance(protocols, str) else protocols)
@@ -145,17 +151,19 @@ class Mirror:
             what = "is no recording (no zarr.json in it)" if there else "there is no such recording"
             raise RecordingError(f"{self.address}: {what}")
         known = self._notes()
+        # Whatever else is listed there has no business on this machine.
+        there = {key: stamp for key, stamp in there.items() if _is_known(key)}
         for key, (size, tag) in there.items():
             file = self.path / key
             if known.get(key) == [size, tag] and file.is_file() and file.stat().st_size == size:
                 continue
             file.parent.mkdir(parents=True, exist_ok=True)
-            beside = file.with_name(f".{file.name}.part")
+            beside = file.with_name(f".{file.name}.{os.getpid()}.part")
             self._get(key, beside)
             beside.replace(file)
         for file in [file for file in self.path.rglob("*") if file.is_file()]:
-            if file.relative_to(self.path).as_posix() not in there:
-                file.unlink()
+            if file.relative_to(self.path).as_posix() not in there and file.suffix != ".part":
+                file.unlink(missing_ok=True)
         self._note({key: list(value) for key, value in there.items()})
         self._pushed = self._here()
         return self.path
@@ -235,8 +243,8 @@ class Mirror:
                 return
             time.sleep(_PAUSE * 2**attempt)
         raise RecordingError(
-            f"{self.address}: is not complete, the connection was lost ({self.behind}); all of it is in {self.path},"
-            " and the same command with --resume goes on from what is there"
+            f"{self.address}: is not complete, the connection was lost ({self.behind}): what is there can be read, and"
+            " gone on with (gasp run --resume)"
         )
 
     def _make_folder(self, key: str) -> None:
@@ -311,6 +319,8 @@ def _is_known(key: str) -> bool:
     """Whether it is a file of a recording, by its name and place."""
     head, _, rest = key.partition("/")
     name = PurePosixPath(key).name
+    if not {"", ".", ".."}.isdisjoint(key.split("/")) or "\\" in key:
+        return False
     return (head in _FOLDERS if rest else key == "zarr.json") and name != MARK and FILES.fullmatch(name) is not None
 
 
@@ -332,11 +342,11 @@ def _said(error: Exception) -> str:
     return " ".join((str(error) or type(error).__name__).split())[:200]
 
 
-def _in_cache(address: str, name: str) -> Path:
+def _in_cache(address: str, name: str, use: str) -> Path:
     cache = cache_folder()
     if cache is None:
         raise RecordingError(f"{address}: its copy would lie in the cache, which GASP_CACHE has switched off")
-    return cache.with_name("recordings") / hashlib.sha256(address.encode()).hexdigest()[:16] / name
+    return cache.with_name("recordings") / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
 
 
 def _file_system(address: str) -> tuple[Any, str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.errors import SceneError
+from gasp_core.errors import SceneError, SplatFormatError
 from gasp_core.io.digests import add_content
 from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import TriangleMesh, face_areas, read_mesh
@@ -137,6 +137,10 @@ def _read(file: Path, digest: str) -> tuple[TriangleMesh, int]:
     """The triangles of a file, once for each content, and how many of their edges are open."""
     mesh = read_mesh(file)
     vertices, faces = welded(mesh.vertices, mesh.faces)
+    if not len(faces):
+        raise SplatFormatError(
+            f"{shown(file)}: all its triangles are smaller than a millionth of its size: is it whole?"
+        )
     edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     _, counts = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_counts=True)
     return TriangleMesh(vertices=vertices, faces=faces), int((counts != 2).sum())

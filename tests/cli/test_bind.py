@@ -58,6 +58,7 @@ def test_frames_and_another_up(cage, capsys):
         (["toy.ply", "nowhere.obj", "bent.ply"], "nowhere.obj"),
         (["toy.ply", "cage.ply", "small.ply"], "has 8 vertices, the mesh has 26"),
         (["toy.ply", "cage.ply", "few.npy"], "is of shape (3, 3)"),
+        (["toy.ply", "cage.ply", "none.npy"], "has no frame"),
         (["toy.ply", "cage.ply", "hole.npy"], "1 vertices are not finite, the first is 2 of frame 1"),
         (["toy.ply", "cage.ply", "bent.ply", "-o", "toy.ply"], "is there already"),
         (["toy.ply", "cage.ply", "bent.ply", "bent.ply"], "two of MOVED have one name"),
@@ -67,6 +68,7 @@ def test_frames_and_another_up(cage, capsys):
 )
 def test_refuses(cage, tmp_path, capsys, arguments, said):
     trimesh.creation.box().export("small.ply")
+    np.save("none.npy", np.zeros((0, len(cage.vertices), 3)))
     np.save("few.npy", np.zeros((3, 3)))
     broken = np.tile(np.asarray(cage.vertices), (2, 1, 1))
     broken[1, 2, 0] = np.nan

@@ -38,13 +38,13 @@ def test_a_table_and_again(gasp, both, workplace):
 
 def test_json_and_a_table_of_settings(gasp, both, workplace):
     (workplace / "settings.csv").write_text("object.toy.height,scene.duration\n0.3,0.04\n0.4,\n")
-    (workplace / "mine.py").write_text("def frames(recording):\n    return recording.frame_count\n")
+    (workplace / "mine.py").write_text("def counted(recording):\n    return recording.frame_count\n")
     found = gasp(
-        "sweep", "scene.toml", "--table", "settings.csv", "--observe", "mine.py:frames", "--json", "--out", "look"
+        "sweep", "scene.toml", "--table", "settings.csv", "--observe", "mine.py:counted", "--json", "--out", "look"
     )
     assert (found.status, found.err) == (0, "")
     said = json.loads(found.out)
-    assert [(row["object.toy.height"], row["status"], row["frames"]) for row in said["rows"]] == [
+    assert [(row["object.toy.height"], row["status"], row["counted"]) for row in said["rows"]] == [
         (0.3, "complete", 2.0),
         (0.4, "complete", 3.0),
     ]

@@ -247,6 +247,35 @@ def test_copies_are_fetched_anew_only_where_they_have_changed(record, store, mon
     assert not (found / "zarr.json.strange").exists()
 
 
+def test_whoever_reads_while_it_is_made_harms_nothing(record, tmp_path, store):
+    """On the same machine: the copy that is read is another one than that which is written."""
+    seen = []
+
+    def look(frame):
+        found = Recording.open("memory://runs/a.gasp")
+        seen.append((found.frame_count, found.status, len(found.points(frame))))
+
+    same(record("memory://runs/a.gasp", recorded=look), record(tmp_path / "disk.gasp"))
+    assert [count for count, _, _ in seen] == [1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize("key", ["../../evil", "frames/../../../evil/c", "frames//c", "strange.txt", "a/c.0"])
+def test_what_has_no_business_here_is_not_fetched(record, store, monkeypatch, tmp_path, key):
+    """A listing from somebody else may name anything."""
+    record("memory://runs/a.gasp")
+    find = type(store).find
+
+    def listed(self, path, **others):
+        found = find(self, path, **others)
+        return {**found, f"/runs/a.gasp/{key}": {"name": key, "size": 4, "type": "file"}}
+
+    monkeypatch.setattr(type(store), "find", listed)
+    before = {path for path in tmp_path.rglob("*") if "read" not in str(path)}
+    assert Recording.open("memory://runs/a.gasp").frame_count == 5
+    assert {path for path in tmp_path.rglob("*") if "read" not in str(path)} == before
+    assert not list(tmp_path.rglob("evil*")) and not list(tmp_path.rglob("strange*"))
+
+
 def test_what_is_there_stays(record, store):
     record("memory://runs/a.gasp", frames=2)
     before = {key: store.cat_file(key) for key in store.find("/runs/a.gasp")}

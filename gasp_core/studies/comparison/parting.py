@@ -52,8 +52,10 @@ class Parting:
         when = f"{percent} apart at {self.apart_at:.3g} s"
         if self.met_at is None:
             return f"{when}, and nothing meets anything"
-        if self.apart_at <= self.met_at:
+        if self.apart_at < self.met_at:
             return f"{when}, before anything meets anything"
+        if self.apart_at == self.met_at:
+            return f"{when}, in the frame of the first contact"
         return f"{when}, {self.apart_at - self.met_at:.3g} s after the first contact"
 
 

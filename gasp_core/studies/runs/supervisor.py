@@ -111,9 +111,9 @@ def keep(run: Run, around: Surroundings, notes: Path, limits: Limits, wanted: Ca
         try:
             found = run.measure(_opened(recording))
         except GaspError as error:
-            ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {error}"
-        except Exception as error:  # a function of the user's may raise anything
-            ending, reason = RunStatus.FAILED, reason or f"cannot be measured: {type(error).__name__}: {error}"
+            # What became of the run itself stays what is told.
+            if ending is RunStatus.COMPLETE:
+                ending, reason = RunStatus.FAILED, f"cannot be measured: {error}"
     if not stays:
         recording = None
         shutil.rmtree(folder, ignore_errors=True)

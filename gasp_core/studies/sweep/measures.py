@@ -18,6 +18,14 @@ from gasp_core.studies.comparison.parting import APART
 __all__ = ["Measures", "Observable", "load_observable"]
 
 
+_TAKEN = frozenset({
+    "status", "reason", "frames", "substeps", "wall_seconds", "start_seconds", "run_seconds", "cpu_seconds",
+    "peak_bytes", "engine", "points", "recording", "rms_share", "p95_share", "shape_share", "centre_share", "apart_at",
+    "not_compared", "not_observed",
+})  # fmt: skip
+"""Names of other columns."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observable:
     """A function of the user's: a number of a recording. Its text travels, so that workers need not see its file.
@@ -54,10 +62,21 @@ class Measures:
         Of the user's.
     reference
         A recording that distances are from; None: no such.
+
+    Raises
+    ------
+    AccuracyError
+        Where two columns would have one name.
     """
 
     observables: tuple[Observable, ...] = ()
     reference: Path | None = None
+
+    def __post_init__(self) -> None:
+        names = [own.name for own in self.observables]
+        for name in names:
+            if name in _TAKEN or names.count(name) > 1:
+                raise AccuracyError(f'there is a column "{name}" already: give the function that observes another name')
 
     def __call__(self, recording: Recording) -> Mapping[str, Any]:
         """Of each object, in metres: the middle of its points at the end, the lowest and the highest of them, and how
@@ -65,7 +84,11 @@ class Measures:
         found: dict[str, Any] = {"engine": recording.engine.name, "points": len(recording.start_points)}
         found |= _of_objects(recording)
         for own in self.observables:
-            found[own.name] = own(recording)
+            try:
+                found[own.name] = own(recording)
+            except (Exception, SystemExit) as error:  # a function of the user's may raise anything
+                found[own.name] = None
+                found["not_observed"] = f"{own.name} fails: {type(error).__name__}: {error}"
         if self.reference is not None:
             try:
                 found |= _distances(Recording.open(self.reference), recording)

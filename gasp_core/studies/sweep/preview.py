@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
@@ -79,7 +80,7 @@ def previewed(plan: Sequence[Planned], *, at_once: int, tries: int = 3, trust_co
         refused=tuple(each for each in plan if each.scene is None),
         tried=len(found),
         points=(min(each.points for each in found), max(each.points for each in found)),
-        seconds=fmean(each.seconds + _PROCESS for each in found) * len(scenes) / at_once,
+        seconds=fmean(each.seconds + _PROCESS for each in found) * math.ceil(len(scenes) / at_once),
         memory=max(each.memory for each in found),
         disk=round(fmean(each.disk for each in found) * len(scenes)),
     )

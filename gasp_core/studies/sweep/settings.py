@@ -103,7 +103,7 @@ def settings_from_table(path: Path) -> list[Setting]:
     name = shown(path)
     try:
         text = read_text(path, _LONGEST_TABLE)
-        lines = [line for line in csv.reader(text.splitlines(), skipinitialspace=True) if line]
+        lines = [line for line in csv.reader(text.removeprefix("\ufeff").splitlines(), skipinitialspace=True) if line]
     except OSError as error:
         raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
     except (ValueError, csv.Error) as error:

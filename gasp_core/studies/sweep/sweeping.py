@@ -14,6 +14,7 @@ from gasp_core.contract import Precision
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.io.atomic import replacing
+from gasp_core.io.detect import INDICES
 from gasp_core.io.digests import add_content
 from gasp_core.progress import Shown, counting
 from gasp_core.recording.writer import refuse_existing
@@ -24,7 +25,7 @@ from gasp_core.scene.writing import scene_to_toml
 from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, carry_out
 from gasp_core.studies.sweep.measures import Measures
 from gasp_core.studies.sweep.settings import Setting
-from gasp_core.studies.sweep.table import DONE, Ledger, Row, csv_text, write_parquet
+from gasp_core.studies.sweep.table import DONE, REFUSED, Ledger, Row, csv_text, write_parquet
 
 __all__ = ["Planned", "Sweep", "planned", "sweep"]
 
@@ -176,14 +177,21 @@ def sweep(
     BackendError
         Where there is nobody who could make them.
     """
+    measures = measures or Measures()
+    plan = [replace(each, digest=_measured(each.digest, measures)) for each in plan]
     ledger = _ledger(out, plan, overwrite)
     known = {_key(row.setting): row for row in ledger.rows}
-    kept = {_key(each.setting) for each in plan if (row := known.get(_key(each.setting))) and row.status in DONE}
+    kept = {
+        _key(each.setting)
+        for each in plan
+        if (row := known.get(_key(each.setting)))
+        and row.status in DONE
+        and (row.status == REFUSED) == (each.scene is None)
+    }
     for each in plan:
         if each.scene is None and _key(each.setting) not in kept:
             _keep(ledger, known, Row.refused(each.setting, each.reason))
     waiting = {_key(each.setting): each for each in plan if each.scene is not None and _key(each.setting) not in kept}
-    measures = measures or Measures()
     runs = [
         Run(
             key=key,
@@ -192,7 +200,7 @@ def sweep(
             trust_code=trust_code,
             measure=measures,
             keep=keep,
-            address=f"{keep_at}/{key}.gasp" if keep_at else "",
+            address=_address(keep_at, key, each.digest) if keep_at else "",
         )
         for key, each in waiting.items()
         if each.scene is not None
@@ -201,10 +209,10 @@ def sweep(
     with counting(progress, "runs", len(runs)) as counted:
 
         def finished(outcome: Outcome) -> None:
+            each = waiting[outcome.key]
             recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
             if keep_at and outcome.frame_count:
-                recording = f"{keep_at}/{outcome.key}.gasp"
-            each = waiting[outcome.key]
+                recording = _address(keep_at, outcome.key, each.digest)
             _keep(ledger, known, Row.of(each.setting, each.digest, outcome, recording))
             table.write(_PAUSE)
             counted()
@@ -259,16 +267,32 @@ def _ledger(out: Path, plan: Sequence[Planned], overwrite: bool) -> Ledger:
                 _clear(recording)
     ledger = Ledger(path)
     digests = {_key(each.setting): each.digest for each in plan}
-    others = [
-        row for row in ledger.rows if row.status in DONE and digests.get(_key(row.setting), row.scene) != row.scene
-    ]
+
+    def is_of_another(row: Row) -> bool:
+        return bool(row.scene) and digests.get(_key(row.setting)) not in (None, "", row.scene)
+
+    others = [row for row in ledger.rows if row.status in DONE and is_of_another(row)]
     if others:
         raise RecordingError(
-            f"{path}: {len(others)} of its rows are of another scene, or of files that have changed since, the first"
-            f" that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another --out, or make all of"
-            " them anew with --overwrite"
+            f"{path}: {len(others)} of its rows are of another scene, or of files or measures that have changed since,"
+            f" the first that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another --out, or make"
+            " all of them anew with --overwrite"
         )
     return ledger
+
+
+def _measured(digest: str, measures: Measures) -> str:
+    """Of a scene and of what is asked of its run; as it is, where nothing is that not all are asked for."""
+    if not digest or measures == Measures():
+        return digest
+    asked = [(own.name, own.text) for own in measures.observables]
+    reference = "" if measures.reference is None else str(measures.reference)
+    return hashlib.sha256(json.dumps([digest, asked, reference]).encode()).hexdigest()
+
+
+def _address(folder: str, key: str, digest: str) -> str:
+    """Of a recording: sweeps of other scenes may lie beside it."""
+    return f"{folder}/{key}-{digest[:12]}.gasp"
 
 
 def _clear(recording: Path) -> None:
@@ -294,7 +318,8 @@ def _digest(scene: Scene, known: dict[Path, str]) -> str:
         if path not in known:
             digest = hashlib.sha256()
             try:
-                add_content(digest, path)
+                # An index stands for the folder that it is in.
+                add_content(digest, path.parent if path.name in INDICES else path)
             except OSError as error:
                 raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
             known[path] = digest.hexdigest()

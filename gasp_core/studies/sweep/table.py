@@ -24,8 +24,8 @@ __all__ = ["DONE", "REFUSED", "Ledger", "Row", "csv_text", "write_parquet"]
 
 REFUSED = "refused"
 """Status of a row whose scene is none: nothing was run."""
-DONE = frozenset({RunStatus.COMPLETE.value, RunStatus.DIVERGED.value, RunStatus.UNABLE.value, REFUSED})
-"""Of rows that another try would not change; all others are made again."""
+DONE = frozenset({RunStatus.COMPLETE.value, RunStatus.DIVERGED.value, REFUSED})
+"""Of rows that another try would not change while the scene is the same; all others are made again."""
 _HEAD = b'{"gasp sweep": 1}\n'
 
 
@@ -130,7 +130,7 @@ class Ledger:
             with self.path.open("ab") as stream:
                 if stream.tell() == 0:
                     stream.write(_HEAD)
-                stream.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+                stream.write(json.dumps(line).encode() + b"\n")
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:

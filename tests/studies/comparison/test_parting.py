@@ -96,6 +96,7 @@ def apart(rms, rate=50.0):
     [
         ([0, 0.01, 0.02], (None, None), (None, None), "never 1 % apart"),
         ([0, 0.01, 0.021], (None, None), (0.04, None), "1 % apart at 0.04 s, and nothing meets anything"),
+        ([0, 0.1], (0.02, None), (0.02, 0.02), "1 % apart at 0.02 s, in the frame of the first contact"),
         ([0, 0.1, 0.1, 0.1], (0.06, 0.04), (0.02, 0.04), "1 % apart at 0.02 s, before anything meets anything"),
         ([0, 0, 0, 0.1], (0.02, None), (0.06, 0.02), "1 % apart at 0.06 s, 0.04 s after the first contact"),
         ([0, 0.1], (0.5, 0.6), (0.02, None), "1 % apart at 0.02 s, and nothing meets anything"),

@@ -203,6 +203,33 @@ def test_a_file_that_a_worker_does_not_see_is_asked_for_once(parcel, scene, tmp_
     assert (tmp_path / "cache" / "sources" / source.digest / "toy.ply").is_file()
 
 
+def test_what_a_lost_worker_has_left_is_in_nobodys_way(parcel, scene, tmp_path):
+    """Of a run whose recording is kept; what was there before is not touched."""
+    import dataclasses
+
+    from gasp_core import load_scene
+
+    kept = dataclasses.replace(parcel.run, keep=True)
+    (fresh,) = parcels_of([kept], Limits())
+    simulate(load_scene(scene), out=kept.out, frames=2, progress=False)
+    assert carry_out_parcel(fresh, {}, lambda: True).frame_count == 5
+    (stale,) = parcels_of([kept], Limits())
+    assert "is there already" in carry_out_parcel(stale, {}, lambda: True).reason
+
+
+def test_nothing_of_others_is_removed_from_the_cache(parcel, scene, tmp_path):
+    """Though it is old; and what travels may be older than .zip knows."""
+    others = tmp_path / "cache" / "sources" / "mine"
+    others.mkdir(parents=True)
+    for path in (others, scene.parent / "toy.ply"):
+        os.utime(path, (1.0, 1.0))
+    (source,) = parcels_of([parcel.run], Limits())[0].sources
+    content = packed(source.path)
+    (scene.parent / "toy.ply").unlink()
+    assert carry_out_parcel(parcel, {source.digest: content}, lambda: True).frame_count == 5
+    assert others.is_dir()
+
+
 def test_a_folder_travels_as_a_whole(tmp_path, scene):
     """The frames of a dynamic splat, and what is named by an index in its folder."""
     frames = tmp_path / "frames"

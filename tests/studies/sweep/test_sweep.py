@@ -141,6 +141,28 @@ def test_a_comment_is_no_change(scene, tmp_path):
     assert sweep(planned(scene, settings), out, progress=False).kept == 1
 
 
+def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_path, measured):
+    observable, _ = measured
+    out = tmp_path / "out"
+    sweep(planned(scene, settings_of(["engine.options.spin=1"])), out, progress=False)
+    with pytest.raises(RecordingError, match="measures that have changed"):
+        sweep(
+            planned(scene, settings_of(["engine.options.spin=1"])),
+            out,
+            measures=Measures(observables=(observable,)),
+            progress=False,
+        )
+    # Refused while there was no such engine, and made once there is.
+    later = tmp_path / "later"
+    missing = planned(scene, settings_of(["engine.name=frail,nobody"]))
+    assert [row.status for row in sweep(missing, later, progress=False).rows] == ["complete", "refused"]
+    import dataclasses
+
+    there = [missing[0], dataclasses.replace(missing[1], scene=missing[0].scene, digest="1", reason="")]
+    again = sweep(there, later, progress=False)
+    assert [row.status for row in again.rows] == ["complete", "complete"] and again.kept == 1
+
+
 def test_recordings_that_are_kept(scene, tmp_path):
     from gasp_core import Recording
 
@@ -269,7 +291,12 @@ def test_an_observable_that_fails_is_told_in_its_row(scene, tmp_path):
     (tmp_path / "mine.py").write_text("def tip(recording):\n    return {}['a']\n")
     measures = Measures(observables=(load_observable(f"{tmp_path / 'mine.py'}:tip"),))
     found = sweep(planned(scene, settings_of(["engine.options.spin=1"])), tmp_path / "out", measures=measures)
-    assert (found.rows[0].status, found.rows[0].columns["reason"]) == ("failed", "cannot be measured: KeyError: 'a'")
+    row = found.rows[0]
+    assert (row.status, row.columns["not_observed"]) == ("complete", "tip fails: KeyError: 'a'")
+    assert row.columns["tip"] is None and row.columns["toy.moved"] > 0
+    with pytest.raises(AccuracyError, match='a column "points" already'):
+        (tmp_path / "mine.py").write_text("def points(recording):\n    return 1\n")
+        Measures(observables=(load_observable(f"{tmp_path / 'mine.py'}:points"),))
 
 
 def test_backends_that_are_not_there(tmp_path):

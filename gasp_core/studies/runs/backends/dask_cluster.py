@@ -56,6 +56,7 @@ def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
     token = uuid.uuid4().hex[:8]
     sent: dict[str, Any] = {}
     numbers: dict[Any, int] = {}
+    attempts = [0] * len(parcels)
 
     def submitted(index: int, attempt: int) -> Any:
         parcel = parcels[index]
@@ -74,8 +75,11 @@ def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
             if isinstance(outcome, Missing):
                 for digest in outcome.digests:
                     if digest not in sent:
-                        sent[digest] = client.scatter(packed(_path_of(parcels[index], digest)), hash=False)
-                waiting.add(submitted(index, 1))
+                        content = packed(_path_of(parcels[index], digest))
+                        # On all workers that there are: the loss of one loses nothing.
+                        sent[digest] = client.scatter(content, hash=False, broadcast=True)
+                attempts[index] += 1
+                waiting.add(submitted(index, attempts[index]))
             else:
                 yield index, outcome
             # What is not needed any more the scheduler forgets.

@@ -7,9 +7,11 @@ driver sends it then, once to each machine.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -21,6 +23,7 @@ from pathlib import Path
 from gasp_core.errors import BackendError
 from gasp_core.io.detect import INDICES
 from gasp_core.processes.scratch import scratch_folder
+from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.files import files_of, with_files
 from gasp_core.solid.remembered import cache_folder
 from gasp_core.studies.runs.outcome import Limits, Outcome, Run
@@ -28,6 +31,7 @@ from gasp_core.studies.runs.supervisor import keep, surroundings
 
 __all__ = ["Missing", "Parcel", "Source", "carry_out_parcel", "packed", "parcels_of"]
 
+_NAME = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{12}-\w+")
 _KEPT = 30 * 86_400.0
 """Seconds for which a source is kept that nobody uses."""
 
@@ -66,11 +70,14 @@ class Parcel:
         Of its scene.
     limits
         That it has.
+    fresh
+        Whether nothing was where its recording goes: what is there then, a worker has left that was lost.
     """
 
     run: Run
     sources: tuple[Source, ...]
     limits: Limits
+    fresh: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +102,21 @@ def parcels_of(runs: Sequence[Run], limits: Limits) -> list[Parcel]:
         for path in paths:
             if path not in known:
                 known[path] = _source(path)
-        parcels.append(Parcel(run=run, sources=tuple(known[path] for path in dict.fromkeys(paths)), limits=limits))
+        parcels.append(
+            Parcel(
+                run=run,
+                sources=tuple(known[path] for path in dict.fromkeys(paths)),
+                limits=limits,
+                fresh=not run.out.exists(),
+            )
+        )
     return parcels
 
 
 def packed(path: Path) -> bytes:
     """A file, or all files of a folder, as one .zip."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED, strict_timestamps=False) as archive:
         for name, file in _files(path):
             archive.write(file, name)
     return stream.getvalue()
@@ -130,6 +144,8 @@ def carry_out_parcel(parcel: Parcel, sent: Mapping[str, bytes], wanted: Callable
             places[source.path] = place
     if missing:
         return Missing(tuple(missing))
+    if parcel.fresh and parcel.run.keep and refuse_existing(parcel.run.out, overwrite=True):
+        shutil.rmtree(parcel.run.out)
     run = replace(parcel.run, scene=with_files(parcel.run.scene, lambda path: _moved(path, places)))
     with scratch_folder("gasp-worker-") as notes:
         around = replace(surroundings(), folder=str(notes))
@@ -210,7 +226,9 @@ def _cache() -> Path:
 
 
 def _forget_oldest(folder: Path) -> None:
-    """Remove what nobody has used for a month."""
+    """Remove what nobody has used for a month, of what is GASP's."""
     for entry in folder.iterdir():
-        if time.time() - entry.stat().st_mtime > _KEPT:
-            shutil.rmtree(entry, ignore_errors=True)
+        # Another worker of this machine may be about to rename it.
+        with contextlib.suppress(OSError):
+            if _NAME.fullmatch(entry.name) and time.time() - entry.stat().st_mtime > _KEPT:
+                shutil.rmtree(entry, ignore_errors=True)

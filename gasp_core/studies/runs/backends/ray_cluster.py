@@ -69,9 +69,10 @@ def _results(ray: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
         along = {source.digest: sent[source.digest] for source in parcel.sources if source.digest in sent}
         under_way[remote.remote(parcel, list(along), *along.values())] = index
 
-    ahead = max(1, round(_AHEAD * float(ray.cluster_resources().get("CPU", 1))))
     try:
         while left or under_way:
+            # A cluster may grow.
+            ahead = max(1, round(_AHEAD * float(ray.cluster_resources().get("CPU", 1))))
             while left and len(under_way) < ahead:
                 submit(left.pop())
             (done,), _ = ray.wait(list(under_way), num_returns=1)
