@@ -75,9 +75,9 @@ def _is_wanted(part: str) -> bool:
 
 def _mark(part: str) -> Path | None:
     """A file that is there once a part has been rehearsed with these compilers, on a machine of this name."""
-    from gasp_core.solid.remembered import cache_folder
+    from gasp_core.io.cache_folders import cache_folder
 
-    folder = cache_folder()
+    folder = cache_folder("rehearsed")
     if folder is None:
         return None
     words = [part, platform.python_version(), platform.machine(), platform.node()]
@@ -85,7 +85,7 @@ def _mark(part: str) -> Path | None:
     for name in _COMPILERS:
         with contextlib.suppress(PackageNotFoundError):
             words.append(f"{name} {version(name)}")
-    return folder.parent / "rehearsed" / hashlib.sha256("\n".join(words).encode()).hexdigest()[:16]
+    return folder / hashlib.sha256("\n".join(words).encode()).hexdigest()[:16]
 
 
 def main(part: str) -> None:

@@ -21,9 +21,9 @@ from typing import Any, cast
 
 from gasp_core.errors import RecordingError
 from gasp_core.io.atomic import replacing
+from gasp_core.io.cache_folders import cache_folder
 from gasp_core.processes.scratch import MARK
 from gasp_core.recording.layout import FILES
-from gasp_core.solid.remembered import cache_folder
 
 __all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
 
@@ -343,10 +343,10 @@ def _said(error: Exception) -> str:
 
 
 def _in_cache(address: str, name: str, use: str) -> Path:
-    cache = cache_folder()
+    cache = cache_folder("recordings")
     if cache is None:
         raise RecordingError(f"{address}: its copy would lie in the cache, which GASP_CACHE has switched off")
-    return cache.with_name("recordings") / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
+    return cache / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
 
 
 def _file_system(address: str) -> tuple[Any, str]:

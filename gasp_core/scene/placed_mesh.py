@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ def mesh_of(placed: PlacedObject) -> PlacedMesh:
                 f'object "{placed.item.name}": {shown(reduction.mesh)} encloses next to nothing: say'
                 ' points = "vertices"'
             )
-        return PlacedMesh(vertices=found.vertices, faces=found.faces, open_edges=open_edges, filled=False)
+        return replace(found, filled=False)
     return found
 
 

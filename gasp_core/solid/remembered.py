@@ -12,36 +12,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 from numpy.typing import NDArray
 
 from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.atomic import replacing
+from gasp_core.io.cache_folders import cache_folder
 from gasp_core.solid.building import solid_of
 from gasp_core.solid.grid import Grid
 from gasp_core.solid.options import SolidOptions
 from gasp_core.solid.solid import Doubts, Sheets, Solid
 
-__all__ = ["CACHE_VARIABLE", "cache_folder", "remembered"]
+__all__ = ["remembered"]
 
 Array = NDArray[Any]
 
-CACHE_VARIABLE = "GASP_CACHE"
-"""Names another folder for what is kept; empty: nothing is."""
 _VERSION = 3
 """Of what `solid_of` makes: another one wherever its numbers change."""
 _MOST_BYTES = 256 * 2**20
 _NAME = re.compile(r"[0-9a-f]{64}\.solid\.npz")
 _DOUBTS = {name: type(value) for name, value in asdict(Doubts()).items()}
-
-
-def cache_folder() -> Path | None:
-    """Where solids are kept; it need not exist. None: nowhere."""
-    named = os.environ.get(CACHE_VARIABLE)
-    if named == "":
-        return None
-    return (Path(named).absolute() if named else platformdirs.user_cache_path("gasp")) / "solids"
 
 
 def remembered(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid:
@@ -51,7 +41,7 @@ def remembered(gaussians: Gaussians, options: SolidOptions | None = None) -> Sol
     there are more than 256 MB of them.
     """
     options = options or SolidOptions()
-    folder = cache_folder()
+    folder = cache_folder("solids")
     if folder is None:
         return solid_of(gaussians, options)
     path = folder / f"{_key(gaussians, options)}.solid.npz"

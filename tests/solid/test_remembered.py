@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from splat_shells import SHAPES, shell
 
+from gasp_core.io.cache_folders import CACHE_VARIABLE, cache_folder
 from gasp_core.solid import SolidOptions
 from gasp_core.solid import remembered as module
-from gasp_core.solid.remembered import CACHE_VARIABLE, cache_folder, remembered
+from gasp_core.solid.remembered import remembered
 
 
 @pytest.fixture
@@ -87,7 +88,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path, monkeypatch, 
 
 def test_nothing_is_kept_where_that_is_asked(tmp_path, monkeypatch, made):
     monkeypatch.setenv(CACHE_VARIABLE, "")
-    assert cache_folder() is None
+    assert cache_folder("solids") is None
     remembered(splat())
     remembered(splat())
     assert len(made) == 2

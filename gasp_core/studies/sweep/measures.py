@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gasp_core.accuracy.trajectories import distance
 from gasp_core.errors import AccuracyError
 from gasp_core.recording import Recording
-from gasp_core.studies.comparison.parting import APART
+from gasp_core.studies.comparison.parting import parting_of
 
 __all__ = ["Measures", "Observable", "load_observable"]
 
@@ -145,12 +143,10 @@ def _of_objects(recording: Recording) -> dict[str, float]:
 
 def _distances(reference: Recording, recording: Recording) -> dict[str, Any]:
     apart = distance(reference, recording)
-    shares = np.asarray(apart.per_frame.rms) / apart.diagonal
-    beyond = np.flatnonzero(shares > APART)
     return {
         "rms_share": apart.rms_share,
         "p95_share": apart.p95_share,
         "shape_share": apart.shape_share,
         "centre_share": apart.centre_share,
-        "apart_at": float(apart.times[beyond[0]]) if len(beyond) else None,
+        "apart_at": parting_of(apart, (None, None)).apart_at,
     }

@@ -274,6 +274,7 @@ def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, monkeyp
     content = hidden.read_bytes()
 
     from gasp_core.studies.runs.backends import dask_cluster
+    from gasp_core.studies.runs.backends import parcels as parcels_module
 
     parcels, asked = dask_cluster.parcels_of, []
 
@@ -290,7 +291,7 @@ def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, monkeyp
         return found
 
     monkeypatch.setattr(dask_cluster, "parcels_of", parcels_then_hide)
-    monkeypatch.setattr(dask_cluster, "packed", read_again)
+    monkeypatch.setattr(parcels_module, "packed", read_again)
     found = sweep(plan, tmp_path / "out", backend=chosen_backend("dask", at_once=2), progress=False)
     assert [row.status for row in found.rows] == ["complete"] * 6
     assert asked == [hidden]

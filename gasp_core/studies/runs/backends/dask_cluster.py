@@ -15,8 +15,8 @@ from typing import Any
 
 from gasp_core.errors import BackendError
 from gasp_core.studies.runs.backends.interface import Ended
-from gasp_core.studies.runs.backends.parcels import Missing, Parcel, carry_out_parcel, packed, parcels_of
-from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
+from gasp_core.studies.runs.backends.parcels import Missing, Parcel, on_worker, outcome_of, parcels_of
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run
 
 __all__ = ["DaskRuns"]
 
@@ -71,11 +71,11 @@ def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
     try:
         for future in waiting:
             index = numbers.pop(future)
-            outcome = _outcome_of(future, parcels[index])
+            outcome = outcome_of(future.result, parcels[index])
             if isinstance(outcome, Missing):
                 for digest in outcome.digests:
                     if digest not in sent:
-                        content = packed(_path_of(parcels[index], digest))
+                        content = parcels[index].packed_source(digest)
                         # On all workers that there are: the loss of one loses nothing.
                         sent[digest] = client.scatter(content, hash=False, broadcast=True)
                 attempts[index] += 1
@@ -90,7 +90,7 @@ def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
 
 
 def _on_worker(parcel: Parcel, digests: Sequence[str], *contents: bytes) -> Outcome | Missing:
-    return carry_out_parcel(parcel, dict(zip(digests, contents)), _still_wanted())
+    return on_worker(parcel, digests, contents, _still_wanted())
 
 
 def _still_wanted() -> Callable[[], bool]:
@@ -105,19 +105,6 @@ def _still_wanted() -> Callable[[], bool]:
         return task is not None and task.state in ("executing", "long-running")
 
     return wanted
-
-
-def _outcome_of(future: Any, parcel: Parcel) -> Outcome | Missing:
-    try:
-        return future.result()
-    except Exception as error:
-        # Dask's own, of a run that has taken several workers along, or one that its worker could not begin.
-        reason = f"no worker could make it: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        return Outcome(key=parcel.run.key, ending=RunStatus.CRASHED, reason=reason)
-
-
-def _path_of(parcel: Parcel, digest: str) -> Path:
-    return next(source.path for source in parcel.sources if source.digest == digest)
 
 
 def _client(scheduler: str | None, workers: int, stack: ExitStack) -> Any:

@@ -21,15 +21,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gasp_core.errors import BackendError
+from gasp_core.io.cache_folders import cache_folder
 from gasp_core.io.detect import INDICES
 from gasp_core.processes.scratch import scratch_folder
 from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.files import files_of, with_files
-from gasp_core.solid.remembered import cache_folder
-from gasp_core.studies.runs.outcome import Limits, Outcome, Run
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
 from gasp_core.studies.runs.supervisor import keep, surroundings
 
-__all__ = ["Missing", "Parcel", "Source", "carry_out_parcel", "packed", "parcels_of"]
+__all__ = ["Missing", "Parcel", "Source", "carry_out_parcel", "on_worker", "outcome_of", "packed", "parcels_of"]
 
 _NAME = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{12}-\w+")
 _KEPT = 30 * 86_400.0
@@ -78,6 +78,10 @@ class Parcel:
     sources: tuple[Source, ...]
     limits: Limits
     fresh: bool = False
+
+    def packed_source(self, digest: str) -> bytes:
+        """One of its sources, to be sent."""
+        return packed(next(source.path for source in self.sources if source.digest == digest))
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +156,23 @@ def carry_out_parcel(parcel: Parcel, sent: Mapping[str, bytes], wanted: Callable
         return keep(run, around, notes, parcel.limits, wanted)
 
 
+def on_worker(
+    parcel: Parcel, digests: Sequence[str], contents: Sequence[bytes], wanted: Callable[[], bool]
+) -> Outcome | Missing:
+    """`carry_out_parcel` with what came along, the contents of these digests."""
+    return carry_out_parcel(parcel, dict(zip(digests, contents)), wanted)
+
+
+def outcome_of(told: Callable[[], Outcome | Missing], parcel: Parcel) -> Outcome | Missing:
+    """What a worker tells; where the cluster itself gives a run up, an outcome that says so."""
+    try:
+        return told()
+    except Exception as error:
+        # The cluster's own, of a run that has taken several workers along, or one that a worker could not begin.
+        reason = f"no worker could make it: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        return Outcome(key=parcel.run.key, ending=RunStatus.CRASHED, reason=reason)
+
+
 def _whole(path: Path) -> Path:
     """The folder where a file is but the index of one."""
     return path.parent if path.name in INDICES else path
@@ -219,10 +240,7 @@ def _cached(source: Source, content: bytes | None) -> Path | None:
 
 def _cache() -> Path:
     """Where sources are kept on this machine; where nothing is to be kept, among temporary files."""
-    solids = cache_folder()
-    return (
-        Path(tempfile.gettempdir()) / f"gasp-sources-{os.getuid()}" if solids is None else solids.with_name("sources")
-    )
+    return cache_folder("sources") or Path(tempfile.gettempdir()) / f"gasp-sources-{os.getuid()}"
 
 
 def _forget_oldest(folder: Path) -> None:

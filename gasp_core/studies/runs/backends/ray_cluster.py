@@ -12,13 +12,13 @@ import socket
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from gasp_core.errors import BackendError
 from gasp_core.studies.runs.backends.interface import Ended
-from gasp_core.studies.runs.backends.parcels import Missing, Parcel, carry_out_parcel, packed, parcels_of
-from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
+from gasp_core.studies.runs.backends.parcels import Missing, Parcel, on_worker, outcome_of, parcels_of
+from gasp_core.studies.runs.outcome import Limits, Outcome, Run
 
 __all__ = ["RayRuns"]
 
@@ -77,11 +77,11 @@ def _results(ray: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
                 submit(left.pop())
             (done,), _ = ray.wait(list(under_way), num_returns=1)
             index = under_way.pop(done)
-            outcome = _outcome_of(ray, done, parcels[index])
+            outcome = outcome_of(partial(ray.get, done), parcels[index])
             if isinstance(outcome, Missing):
                 for digest in outcome.digests:
                     if digest not in sent:
-                        sent[digest] = ray.put(packed(_path_of(parcels[index], digest)))
+                        sent[digest] = ray.put(parcels[index].packed_source(digest))
                 submit(index)
             else:
                 yield index, outcome
@@ -93,19 +93,7 @@ def _results(ray: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
 
 def _on_worker(parcel: Parcel, digests: Sequence[str], *contents: bytes) -> Outcome | Missing:
     # The end of a worker ends what it started: a run holds on to nothing but its worker's life.
-    return carry_out_parcel(parcel, dict(zip(digests, contents)), lambda: True)
-
-
-def _outcome_of(ray: Any, reference: Any, parcel: Parcel) -> Outcome | Missing:
-    try:
-        return ray.get(reference)
-    except Exception as error:
-        reason = f"no worker could make it: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        return Outcome(key=parcel.run.key, ending=RunStatus.CRASHED, reason=reason)
-
-
-def _path_of(parcel: Parcel, digest: str) -> Path:
-    return next(source.path for source in parcel.sources if source.digest == digest)
+    return on_worker(parcel, digests, contents, lambda: True)
 
 
 def _refuse_silent(scheduler: str) -> None:
