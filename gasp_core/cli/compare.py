@@ -12,6 +12,7 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.run_path import keep_at_option
 from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -47,6 +48,7 @@ Open comparison.html in a browser: tables, films side by side, plots.
 @makers_options(
     "Engines at a time; they share the processors then, and times are not those of a run alone. [default: 1]"
 )
+@keep_at_option
 @click.option("--size", type=Size(), default="480x360", show_default=True, help="Of a film, in pixels.")
 @most_memory_option
 @trust_code_option
@@ -58,6 +60,7 @@ def compare(
     out: Path | None,
     settings: Settings,
     makers: Makers,
+    keep_at: str | None,
     size: tuple[int, int],
     overwrite: bool,
     trust_code: bool,
@@ -87,6 +90,7 @@ def compare(
             at_once=jobs,
             limits=limits,
             backend=backend,
+            keep_at=keep_at or "",
             size=size,
             overwrite=overwrite,
             trust_code=trusted,

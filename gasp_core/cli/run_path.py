@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-__all__ = ["RunPath"]
+__all__ = ["RunPath", "keep_at_option"]
 
 
 class RunPath(click.Path):
@@ -22,3 +22,25 @@ class RunPath(click.Path):
         from gasp_core.recording.addresses import address_of, local_copy
 
         return super().convert(value, param, ctx) if address_of(str(value)) is None else local_copy(str(value))
+
+
+class _Address(click.ParamType[str]):
+    """An address, and no folder of this machine."""
+
+    name = "address"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from gasp_core.recording.addresses import address_of
+
+        address = address_of(value)
+        if address is None:
+            self.fail(f"{value} is none, such as s3://bucket/runs; a folder of this machine is for --out", param, ctx)
+        return address
+
+
+keep_at_option = click.option(
+    "--keep-at",
+    metavar="ADDRESS",
+    type=_Address(),
+    help="Keep the recordings there instead, by whoever makes them: s3://bucket/runs.",
+)

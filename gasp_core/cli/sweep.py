@@ -12,7 +12,7 @@ from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.printing import print_json, print_table
-from gasp_core.cli.run_path import RunPath
+from gasp_core.cli.run_path import RunPath, keep_at_option
 from gasp_core.cli.settings import PRECISIONS, device_option
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -74,7 +74,7 @@ status: 0 where at least one run came to its end, else 2.
     help="Where the table goes. [default: the scene's name with .sweep, in the current folder]",
 )
 @click.option("--keep", is_flag=True, help="Keep the recordings, in FOLDER/runs.")
-@click.option("--keep-at", metavar="ADDRESS", help="Keep them there instead, by workers: s3://bucket/runs.")
+@keep_at_option
 @click.option("--preview", is_flag=True, help="Only say how many runs, points, hours and bytes it will be.")
 @makers_options("Runs at a time. [default: the processors, by --threads]")
 @most_memory_option
@@ -94,7 +94,6 @@ def sweep(
     from gasp_core.contract import Precision
     from gasp_core.errors import AccuracyError
     from gasp_core.recording import Recording
-    from gasp_core.recording.addresses import address_of
     from gasp_core.studies.sweep import Measures, load_observable, planned, settings_from_table, settings_of
     from gasp_core.studies.sweep import sweep as carry_out
 
@@ -102,9 +101,6 @@ def sweep(
         raise click.UsageError("what is to be set? --set KEY=V,V,.. or --table FILE.csv, one of the two")
     if table is not None and zipped:
         raise click.UsageError("--zip is of --set: a table says its combinations itself")
-    address = None if keep_at is None else address_of(keep_at)
-    if keep_at is not None and address is None:
-        raise click.UsageError(f"--keep-at {keep_at}: is no address such as s3://bucket/runs; --keep needs none")
     settings = settings_of(changes, zipped=zipped) if table is None else settings_from_table(table)
     at_once = makers.at_once()
     backend, limits = makers.chosen(at_once), makers.limits(at_once)
@@ -127,7 +123,7 @@ def sweep(
             backend=backend,
             limits=limits,
             keep=keep,
-            keep_at=address or "",
+            keep_at=keep_at or "",
             overwrite=overwrite,
             trust_code=trusted,
             progress=False if as_json else "log",

@@ -16,13 +16,13 @@ from gasp_core.dynamics.frame_sequence import frame_files
 from gasp_core.dynamics.function_motion import function_digest
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
-from gasp_core.io.detect import INDICES
+from gasp_core.io.detect import whole
 from gasp_core.io.digests import add_content
 from gasp_core.scene.columns import column_digest
+from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.model import Scene
 from gasp_core.scene.motions import DMiSoMotion, FrameSequence, Motion, PythonMotion
 from gasp_core.scene.objects import SplatObject, columns_of
-from gasp_core.scene.placed_mesh import mesh_digest
 from gasp_core.scene.selection import PlacedObject, place_object
 from gasp_core.scene.writing import gaussians_digest
 
@@ -85,7 +85,7 @@ def read_source(item: SplatObject) -> tuple[Gaussians, str]:
     gaussians, digest = _read_splat_and_motion(item)
     digests = [found for column in columns_of(item) if (found := column_digest(column))]
     if item.reduction.mesh is not None:
-        digests.append(mesh_digest(item.reduction.mesh))
+        digests.append(file_digest(item.reduction.mesh))
     if digests:
         digest = hashlib.sha256(" ".join([digest, *digests]).encode()).hexdigest()
     return gaussians, digest
@@ -110,7 +110,7 @@ def _read(splat: Path | Gaussians, motion: Motion | None) -> tuple[Gaussians, st
         return checkpoint.at(0.0), digest.hexdigest()
     first = frame_files(splat)[0] if isinstance(motion, FrameSequence) else splat
     gaussians = read_splat(first)
-    add_content(digest, splat.parent if splat.name in INDICES else splat)
+    add_content(digest, whole(splat))
     return gaussians, digest.hexdigest()
 
 

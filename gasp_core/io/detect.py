@@ -13,7 +13,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
 
-__all__ = ["INDICES", "READ", "WRITTEN", "read", "write"]
+__all__ = ["INDICES", "READ", "WRITTEN", "read", "whole", "write"]
 
 READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json or lod-meta.json")
 WRITTEN = (".ply", ".splat", ".spz", ".sog", ".glb", ".usdc")
@@ -28,6 +28,11 @@ _TRAINING = (
 )
 _LFS = b"version https://git-lfs"
 _ANNEX = b"/annex/objects/"
+
+
+def whole(path: Path) -> Path:
+    """All that a path stands for: the folder, where it is but the index of one."""
+    return path.parent if path.name in INDICES else path
 
 
 def read(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> tuple[Gaussians, str]:

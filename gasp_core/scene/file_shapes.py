@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,9 +15,9 @@ from gasp_core.contract import Collider, SignedDistanceField
 from gasp_core.contract.validation import Vector, finite, finite_vector, positive
 from gasp_core.errors import SceneError
 from gasp_core.io import read_splat
-from gasp_core.io.digests import add_content
 from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import read_mesh
+from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.objects import SplatObject, UpAxis, check_rotation
 from gasp_core.scene.placement import similarity
 from gasp_core.scene.selection import place_object
@@ -154,7 +153,7 @@ class MeshShape(FileShape):
 
 def _field_of(shape: FileShape) -> SignedDistanceField:
     """The region of a file as it is now."""
-    found = _digest_of(shape.file)
+    found = file_digest(shape.file)
     if shape.sha256 not in ("", found):
         raise SceneError(
             f"{shown(shape.file)}: is not the file that the collider was made of (its sha256 is {found[:12]}...,"
@@ -169,16 +168,6 @@ def _resolved(shape: FileShape) -> SignedDistanceField:
     return shape.resolve()
 
 
-def _digest_of(file: Path) -> str:
-    """SHA-256 of a file's content, of a folder's files with their names."""
-    digest = hashlib.sha256()
-    try:
-        add_content(digest, file, named=False)
-    except OSError as error:
-        raise SceneError(f"{shown(file)}: cannot be read: {error.strerror or error}") from None
-    return digest.hexdigest()
-
-
 def resolved(collider: Collider) -> Collider:
     """A collider as engines understand it: that of a file as the region which the file describes."""
     if not isinstance(collider.shape, FileShape):
@@ -191,4 +180,4 @@ def known_by_content(collider: Collider) -> Collider:
     shape = collider.shape
     if not isinstance(shape, FileShape) or shape.sha256:
         return collider
-    return dataclasses.replace(collider, shape=dataclasses.replace(shape, sha256=_digest_of(shape.file)))
+    return dataclasses.replace(collider, shape=dataclasses.replace(shape, sha256=file_digest(shape.file)))

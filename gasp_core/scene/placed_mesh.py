@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError, SplatFormatError
-from gasp_core.io.digests import add_content
 from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import TriangleMesh, face_areas, read_mesh
+from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.placement import up_axis, upright
 from gasp_core.scene.selection import PlacedObject
 
-__all__ = ["PlacedMesh", "mesh_digest", "mesh_of", "welded"]
+__all__ = ["PlacedMesh", "mesh_of", "welded"]
 
 Array = NDArray[Any]
 
@@ -76,7 +75,7 @@ def mesh_of(placed: PlacedObject) -> PlacedMesh:
     """
     reduction, placement = placed.item.reduction, placed.placement
     assert reduction.mesh is not None
-    mesh, open_edges = _read(reduction.mesh, mesh_digest(reduction.mesh))
+    mesh, open_edges = _read(reduction.mesh, file_digest(reduction.mesh))
     turn = placement.rotation
     if reduction.mesh_up is not None:
         turn = turn @ upright(up_axis(placed.item)).T @ upright(reduction.mesh_up)
@@ -94,22 +93,6 @@ def mesh_of(placed: PlacedObject) -> PlacedMesh:
             )
         return replace(found, filled=False)
     return found
-
-
-def mesh_digest(file: Path) -> str:
-    """SHA-256 of a file's content.
-
-    Raises
-    ------
-    SceneError
-        Where it cannot be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        add_content(digest, file, named=False)
-    except OSError as error:
-        raise SceneError(f"{shown(file)}: cannot be read: {error.strerror or error}") from None
-    return digest.hexdigest()
 
 
 def welded(vertices: Array, faces: Array) -> tuple[Array, Array]:

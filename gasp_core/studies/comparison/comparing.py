@@ -18,6 +18,7 @@ from gasp_core.errors import AccuracyError, RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import counting
 from gasp_core.recording import Recording
+from gasp_core.recording.addresses import Mirror
 from gasp_core.recording.writer import refuse_existing
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.rendering.camera import check_size
@@ -51,6 +52,7 @@ def compare(
     time_limit: float | None = None,
     limits: Limits | None = None,
     backend: Backend | None = None,
+    keep_at: str = "",
     size: tuple[int, int] = (480, 360),
     overwrite: bool = False,
     trust_code: bool = False,
@@ -82,8 +84,10 @@ def compare(
     limits
         Of each; None: none.
     backend
-        Who makes the runs, see `gasp_core.studies.runs.chosen_backend`, where `out` can be seen from; None: this
-        machine.
+        Who makes the runs, see `gasp_core.studies.runs.chosen_backend`; None: this machine.
+    keep_at
+        An address that recordings are kept at, s3://bucket/runs, and read from; what is there under the names of
+        engines is replaced with `overwrite` alone. Empty: `out`, which whoever makes them has to see then.
     size [px]
         Of the films and of the pictures that are compared.
     overwrite
@@ -117,15 +121,23 @@ def compare(
         prepare(without_code(scene))
     assembly = prepare(scene).assembly
     runs = [
-        dataclasses.replace(run, trust_code=trust_code)
+        dataclasses.replace(run, trust_code=trust_code, address=f"{keep_at}/{run.key}.gasp" if keep_at else "")
         for run in runs_of(scene, names, folder, device=device, precision=precision)
     ]
-    _make_room(earlier)
-    outcomes = run_all(runs, at_once=at_once, time_limit=time_limit, limits=limits, backend=backend, progress=progress)
+    _refuse_taken(runs, overwrite)
+    outcomes = run_all(
+        runs,
+        at_once=at_once,
+        time_limit=time_limit,
+        limits=limits,
+        backend=backend,
+        begun=lambda: _make_room(earlier),
+        progress=progress,
+    )
     recordings = {
-        outcome.key: Recording.open(outcome.recording)
-        for outcome in outcomes
-        if outcome.recording is not None and outcome.frame_count > 0
+        run.key: Recording.open(run.address or run.out)
+        for run, outcome in zip(runs, outcomes)
+        if outcome.frame_count > 0
     }
     filmed = film_all(recordings, folder, size, progress)
     comparison = Comparison(
@@ -217,6 +229,16 @@ def _in_the_way(folder: Path, names: Sequence[str], overwrite: bool) -> list[Pat
         elif path.is_dir():
             raise RecordingError(f"{path}: is a folder, a comparison writes a file there: choose another --out")
     return there
+
+
+def _refuse_taken(runs: Sequence[Run], overwrite: bool) -> None:
+    """Refuse addresses at which something is that is to stay, before anything is run."""
+    for run in runs:
+        if run.address and not overwrite and Mirror(run.address).exists():
+            raise RecordingError(
+                f"{run.address}: is there already: choose another address (--keep-at), or replace what is there"
+                " (--overwrite)"
+            )
 
 
 def _make_room(there: Sequence[Path]) -> None:

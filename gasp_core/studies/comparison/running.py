@@ -88,6 +88,7 @@ def run_all(
     time_limit: float | None,
     limits: Limits | None,
     backend: Backend | None,
+    begun: Callable[[], None],
     progress: bool | None,
 ) -> list[Outcome]:
     """Carry them out, with a bar over the frames of all."""
@@ -98,6 +99,7 @@ def run_all(
             time_limit=time_limit,
             limits=limits,
             backend=backend,
+            begun=begun,
             finished=lambda outcome: done(outcome.key),
         )
 
@@ -117,6 +119,7 @@ def _frames_counted(runs: Sequence[Run], progress: bool | None) -> Generator[Cal
 
         def look() -> None:
             while not stop.wait(_GLANCE):
+                # What is at an address is not asked for every so often: those count once they have ended.
                 for run in runs:
                     with contextlib.suppress(RecordingError):
                         left(run.key, run.scene.frame_count - Recording.open(run.out).frame_count)

@@ -25,6 +25,7 @@ def carry_out(
     time_limit: float | None = None,
     limits: Limits | None = None,
     backend: Backend | None = None,
+    begun: Callable[[], None] | None = None,
     finished: Callable[[Outcome], None] | None = None,
 ) -> list[Outcome]:
     """Simulate, each run in a fresh process; whatever becomes of one is an outcome and harms no other.
@@ -45,6 +46,8 @@ def carry_out(
         Of each run; None: none.
     backend
         Who makes them, see `chosen_backend`; None: this machine.
+    begun
+        Called once whoever makes them is there, before the first one begins.
     finished
         Called here, in this thread, with each outcome as it comes.
 
@@ -71,6 +74,8 @@ def carry_out(
         limits = dataclasses.replace(limits, seconds=time_limit)
     backend = backend or chosen_backend(at_once=at_once)
     if not runs:
+        if begun is not None:
+            begun()
         return []
     runs = [dataclasses.replace(run, out=Path(run.out).absolute()) for run in runs]
     _check_different("key", [run.key for run in runs])
@@ -79,6 +84,8 @@ def carry_out(
         _check_sendable(run)
     outcomes: dict[int, Outcome] = {}
     with backend.made(runs, limits) as results:
+        if begun is not None:
+            begun()
         for index, outcome in results:
             outcomes[index] = outcome
             if finished is not None:

@@ -14,15 +14,15 @@ from gasp_core.contract import Precision
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.io.atomic import replacing
-from gasp_core.io.detect import INDICES
-from gasp_core.io.digests import add_content
 from gasp_core.progress import Shown, counting
 from gasp_core.recording.writer import refuse_existing
+from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.files import files_of
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import scene_to_toml
 from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, carry_out
+from gasp_core.studies.sweep.alone import alone_in
 from gasp_core.studies.sweep.measures import Measures
 from gasp_core.studies.sweep.settings import Setting
 from gasp_core.studies.sweep.table import DONE, REFUSED, Ledger, Row, csv_text, write_parquet
@@ -145,7 +145,7 @@ def sweep(
     """Make a run of each setting, in a process of its own, and a table of what came of them.
 
     Rows are on the disk as soon as they are there: the same call goes on with those that are missing. What completed,
-    diverged, was refused or is beyond its engine stays; what crashed or failed otherwise is made again.
+    diverged or was refused stays; all else is tried again.
 
     Parameters
     ----------
@@ -173,60 +173,68 @@ def sweep(
     Raises
     ------
     RecordingError
-        Where `out` holds something else, or rows of the same settings and another scene; where it cannot be written.
+        Where `out` holds something else, or rows of the same settings and another scene; where another sweep is at work
+        there, or it cannot be written.
     BackendError
         Where there is nobody who could make them.
     """
     measures = measures or Measures()
     plan = [replace(each, digest=_measured(each.digest, measures)) for each in plan]
-    ledger = _ledger(out, plan, overwrite)
-    known = {_key(row.setting): row for row in ledger.rows}
-    kept = {
-        _key(each.setting)
-        for each in plan
-        if (row := known.get(_key(each.setting)))
-        and row.status in DONE
-        and (row.status == REFUSED) == (each.scene is None)
-    }
-    for each in plan:
-        if each.scene is None and _key(each.setting) not in kept:
-            _keep(ledger, known, Row.refused(each.setting, each.reason))
-    waiting = {_key(each.setting): each for each in plan if each.scene is not None and _key(each.setting) not in kept}
-    runs = [
-        Run(
-            key=key,
-            scene=each.scene,
-            out=_recording(out, key),
-            trust_code=trust_code,
-            measure=measures,
-            keep=keep,
-            address=_address(keep_at, key, each.digest) if keep_at else "",
-        )
-        for key, each in waiting.items()
-        if each.scene is not None
-    ]
-    table = _Table(out, plan, known)
-    with counting(progress, "runs", len(runs)) as counted:
+    with alone_in(out):
+        ledger = _ledger(out, plan, overwrite)
+        known = {_key(row.setting): row for row in ledger.rows}
+        kept = {
+            _key(each.setting)
+            for each in plan
+            if (row := known.get(_key(each.setting)))
+            and row.status in DONE
+            and (row.status == REFUSED) == (each.scene is None)
+        }
+        waiting = {
+            _key(each.setting): each for each in plan if each.scene is not None and _key(each.setting) not in kept
+        }
+        runs = [
+            Run(
+                key=key,
+                scene=each.scene,
+                out=_recording(out, key),
+                trust_code=trust_code,
+                measure=measures,
+                keep=keep,
+                address=_address(keep_at, key, each.digest) if keep_at else "",
+            )
+            for key, each in waiting.items()
+            if each.scene is not None
+        ]
+        table = _Table(out, plan, known)
+        with counting(progress, "runs", len(runs)) as counted:
 
-        def finished(outcome: Outcome) -> None:
-            each = waiting[outcome.key]
-            recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
-            if keep_at and outcome.frame_count:
-                recording = _address(keep_at, outcome.key, each.digest)
-            _keep(ledger, known, Row.of(each.setting, each.digest, outcome, recording))
-            table.write(_PAUSE)
-            counted()
+            def begun() -> None:
+                # What was there stays until there is somebody who makes it anew.
+                ledger.begin()
+                for path in (out / RUNS).glob("*.gasp") if overwrite else [run.out for run in runs]:
+                    _clear(path)
+                for each in plan:
+                    if each.scene is None and _key(each.setting) not in kept:
+                        _keep(ledger, known, Row.refused(each.setting, each.reason))
 
-        try:
-            for run in runs:
-                _clear(run.out)
-            outcomes = carry_out(runs, backend=backend, limits=limits, finished=finished)
-            for outcome in outcomes:
-                # Whoever watched over it is gone: nobody has told of it.
-                if known.get(outcome.key) is None or known[outcome.key].scene != waiting[outcome.key].digest:
-                    finished(outcome)
-        finally:
-            parquet = table.write(0.0, parquet=True)
+            def finished(outcome: Outcome) -> None:
+                each = waiting[outcome.key]
+                recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
+                if keep_at and outcome.frame_count:
+                    recording = _address(keep_at, outcome.key, each.digest)
+                _keep(ledger, known, Row.of(each.setting, each.digest, outcome, recording))
+                table.write(_PAUSE)
+                counted()
+
+            try:
+                outcomes = carry_out(runs, backend=backend, limits=limits, begun=begun, finished=finished)
+                for outcome in outcomes:
+                    # Whoever watched over it is gone: nobody has told of it.
+                    if known.get(outcome.key) is None or known[outcome.key].scene != waiting[outcome.key].digest:
+                        finished(outcome)
+            finally:
+                parquet = table.write(0.0, parquet=True)
     return Sweep(folder=out, rows=tuple(known[_key(each.setting)] for each in plan), kept=len(kept), parquet=parquet)
 
 
@@ -258,14 +266,7 @@ def _keep(ledger: Ledger, known: dict[str, Row], row: Row) -> None:
 def _ledger(out: Path, plan: Sequence[Planned], overwrite: bool) -> Ledger:
     """The rows that are there, none of them of another scene."""
     path = out / LEDGER
-    if overwrite and path.exists():
-        # Only what is one is removed.
-        Ledger(path)
-        path.unlink()
-        if (out / RUNS).is_dir():
-            for recording in (out / RUNS).glob("*.gasp"):
-                _clear(recording)
-    ledger = Ledger(path)
+    ledger = Ledger(path, anew=overwrite)
     digests = {_key(each.setting): each.digest for each in plan}
 
     def is_of_another(row: Row) -> bool:
@@ -316,12 +317,6 @@ def _digest(scene: Scene, known: dict[Path, str]) -> str:
     parts = [scene_to_toml(replace(scene, camera=None))]
     for path in files_of(scene):
         if path not in known:
-            digest = hashlib.sha256()
-            try:
-                # An index stands for the folder that it is in.
-                add_content(digest, path.parent if path.name in INDICES else path)
-            except OSError as error:
-                raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
-            known[path] = digest.hexdigest()
+            known[path] = file_digest(path)
         parts.append(known[path])
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

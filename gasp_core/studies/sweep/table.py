@@ -84,6 +84,8 @@ class Ledger:
     ----------
     path
         Of the file; it need not be there.
+    anew
+        Whether rows that are there do not count; they stay until `begin`.
 
     Raises
     ------
@@ -91,7 +93,7 @@ class Ledger:
         Where it is there and is no ledger, or cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, anew: bool = False) -> None:
         self.path = path
         self.rows: list[Row] = []
         try:
@@ -104,6 +106,8 @@ class Ledger:
         if end < len(content):
             with replacing(path) as stream:
                 stream.write(content[:end])
+        if anew:
+            self.rows = []
 
     def _read(self, content: bytes) -> list[Row]:
         lines = content.removeprefix(_HEAD).split(b"\n")[:-1]
@@ -115,6 +119,20 @@ class Ledger:
             raise RecordingError(
                 f"{self.path}: is no table that gasp sweep wrote, or is damaged: choose another --out"
             ) from None
+
+    def begin(self) -> None:
+        """Take away the file with rows that do not count, if there is one.
+
+        Raises
+        ------
+        RecordingError
+            Where it may not be removed.
+        """
+        if not self.rows:
+            try:
+                self.path.unlink(missing_ok=True)
+            except OSError as error:
+                raise RecordingError(f"{self.path}: cannot be removed: {error.strerror or error}") from None
 
     def add(self, row: Row) -> None:
         """Write a row, onto the disk.

@@ -6,13 +6,14 @@ import math
 import av
 import numpy as np
 import pytest
+from object_store import object_store
 
 import gasp_core as gasp
 from gasp_core.errors import RecordingError, RenderingError, SceneError, UnknownEngineError
 from gasp_core.simulation.splat_sources import prepare
 from gasp_core.studies.comparison import filming
 from gasp_core.studies.comparison.curves import curves_of
-from gasp_core.studies.runs import RunStatus
+from gasp_core.studies.runs import RunStatus, chosen_backend
 
 GRAVITY = 9.81
 STEP = 1e-3
@@ -139,6 +140,41 @@ def test_what_is_nobody_s_recording_is_not_replaced(scene_of, tmp_path):
     with pytest.raises(RecordingError, match="is no recording"):
         gasp.compare(scene_of(), ["frail"], tmp_path, overwrite=True)
     assert (tmp_path / "frail.gasp" / "mine").read_text() == "precious"
+
+
+@pytest.mark.thorough
+def test_recordings_at_an_address(scene_of, tmp_path, size, monkeypatch):
+    """They are brought there, compared as they are there, and replaced where that is asked for alone."""
+    monkeypatch.setenv("GASP_CACHE", str(tmp_path / "cache"))
+    scene, engines = scene_of(spin=2), ["frail", "ballistic"]
+    with object_store() as bucket:
+        here = gasp.compare(scene, engines, tmp_path / "here", size=size)
+        there = gasp.compare(scene, engines, tmp_path / "out", keep_at=f"{bucket}/runs", size=size)
+        assert endings(there) == endings(here)
+        assert there.pairs[0].distance.rms_share == here.pairs[0].distance.rms_share > 0
+        assert not list((tmp_path / "out").glob("*.gasp")) and len(list((tmp_path / "out").glob("*.mp4"))) == 2
+        assert gasp.Recording.open(f"{bucket}/runs/frail.gasp").frame_count == 6
+        with pytest.raises(RecordingError, match=r"frail\.gasp: is there already.*--keep-at"):
+            gasp.compare(scene, engines, tmp_path / "more", keep_at=f"{bucket}/runs", size=size)
+        assert not (tmp_path / "more").exists()
+        nowhere = gasp.compare(scene, ["frail"], tmp_path / "more", keep_at="s3://no-such-bucket/runs", size=size)
+        assert nowhere.rows[0].outcome.ending is RunStatus.FAILED
+        assert "s3://no-such-bucket/runs" in nowhere.rows[0].outcome.reason
+        again = scene_of(spin=3)
+        gasp.compare(again, engines, tmp_path / "out", keep_at=f"{bucket}/runs", size=size, overwrite=True)
+        assert gasp.Recording.open(f"{bucket}/runs/frail.gasp").header.engine.options["spin"] == 3
+
+
+def test_an_earlier_one_stays_where_nobody_can_make_another(scene_of, tmp_path, monkeypatch, size):
+    pytest.importorskip("distributed")
+    from gasp_core.studies.runs.backends import dask_cluster
+
+    monkeypatch.setattr(dask_cluster, "_PATIENCE", 0.5)
+    kept = gasp.simulate(scene_of(), "ballistic", tmp_path / "frail.gasp", frames=2, progress=False)
+    backend = chosen_backend("dask", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(gasp.errors.BackendError):
+        gasp.compare(scene_of(), ["frail"], tmp_path, overwrite=True, backend=backend, size=size)
+    assert kept.frame_count == 2 and len(kept.points(1))
 
 
 def test_bad_choices_are_refused_before_anything_is_made(scene_of, tmp_path):

@@ -16,7 +16,7 @@ from gasp_core.errors import BackendError
 from gasp_core.io.detect import INDICES
 from gasp_core.scene.files import files_of
 from gasp_core.studies.runs import Limits, Run, chosen_backend
-from gasp_core.studies.runs.backends.parcels import Missing, carry_out_parcel, packed, parcels_of
+from gasp_core.studies.runs.backends.parcels import Missing, begun_now, carry_out_parcel, packed, parcels_of
 from gasp_core.studies.sweep import Measures, planned, settings_of, sweep
 
 RUNS = 24
@@ -210,10 +210,10 @@ def test_what_a_lost_worker_has_left_is_in_nobodys_way(parcel, scene, tmp_path):
     from gasp_core import load_scene
 
     kept = dataclasses.replace(parcel.run, keep=True)
-    (fresh,) = parcels_of([kept], Limits())
+    (fresh,) = begun_now(parcels_of([kept], Limits()))
     simulate(load_scene(scene), out=kept.out, frames=2, progress=False)
     assert carry_out_parcel(fresh, {}, lambda: True).frame_count == 5
-    (stale,) = parcels_of([kept], Limits())
+    (stale,) = begun_now(parcels_of([kept], Limits()))
     assert "is there already" in carry_out_parcel(stale, {}, lambda: True).reason
 
 

@@ -16,6 +16,7 @@ from gasp_core import load_scene, simulate
 from gasp_core.errors import AccuracyError, BackendError, RecordingError, SceneError
 from gasp_core.studies.runs import Limits, chosen_backend
 from gasp_core.studies.sweep import Measures, load_observable, planned, settings_of, sweep
+from gasp_core.studies.sweep.alone import alone_in
 from gasp_core.studies.sweep.table import Ledger
 
 TWO = chosen_backend(at_once=2)
@@ -76,12 +77,12 @@ def test_whatever_becomes_of_a_run_is_a_row(scene, tmp_path):
         *settings_of(["object.toy.splat=nowhere.ply"]),
     ]
     plan = planned(scene, settings)
-    found = sweep(plan, tmp_path / "out", backend=TWO, limits=Limits(seconds=6.0, threads=1), progress=False)
+    found = sweep(plan, tmp_path / "out", backend=TWO, limits=Limits(seconds=20.0, threads=1), progress=False)
     status = [row.status for row in found.rows]
     assert status == ["complete", "refused", "crashed", "diverged", "crashed", "unable", "refused"]
     reasons = [row.columns["reason"] for row in found.rows]
     for reason, said in zip(
-        reasons[1:], ["height", "SIGKILL", "non_finite", "given up after 6 s", "backend", "nowhere"]
+        reasons[1:], ["height", "SIGKILL", "non_finite", "given up after 20 s", "backend", "nowhere"]
     ):
         assert said in reason and "\n" not in reason
     assert len(found.completed) == 1
@@ -161,6 +162,39 @@ def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_pa
     there = [missing[0], dataclasses.replace(missing[1], scene=missing[0].scene, digest="1", reason="")]
     again = sweep(there, later, progress=False)
     assert [row.status for row in again.rows] == ["complete", "complete"] and again.kept == 1
+
+
+def test_an_earlier_table_stays_where_nobody_can_make_another(scene, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    from gasp_core.studies.runs.backends import dask_cluster
+
+    monkeypatch.setattr(dask_cluster, "_PATIENCE", 0.5)
+    plan = planned(scene, settings_of(["engine.options.spin=1", "object.toy.height=0.3,-1"]))
+    sweep(plan, tmp_path / "out", keep=True, progress=False)
+
+    def everything():
+        return {file: file.read_bytes() for file in (tmp_path / "out").rglob("*") if file.is_file()}
+
+    before, nobody = everything(), chosen_backend("dask", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(BackendError):
+        sweep(plan, tmp_path / "out", keep=True, overwrite=True, backend=nobody, progress=False)
+    assert everything() == before
+    with pytest.raises(BackendError):
+        sweep(plan, tmp_path / "new", backend=nobody, progress=False)
+    assert not (tmp_path / "new").exists()
+    again = sweep(plan, tmp_path / "out", overwrite=True, progress=False)
+    assert again.kept == 0 and [row.status for row in again.rows] == ["complete", "refused"]
+    assert not list((tmp_path / "out" / "runs").iterdir())
+
+
+def test_two_into_one_folder_are_kept_apart(scene, tmp_path):
+    plan = planned(scene, settings_of(["engine.options.spin=1"]))
+    with alone_in(tmp_path / "out"):
+        with pytest.raises(RecordingError, match="another sweep is at work there"):
+            sweep(plan, tmp_path / "out", progress=False)
+        with pytest.raises(RecordingError, match="another sweep"):
+            sweep(plan, tmp_path / "out", overwrite=True, progress=False)
+    assert len(sweep(plan, tmp_path / "out", progress=False).completed) == 1
 
 
 def test_recordings_that_are_kept(scene, tmp_path):

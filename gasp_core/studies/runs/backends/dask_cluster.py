@@ -15,7 +15,7 @@ from typing import Any
 
 from gasp_core.errors import BackendError
 from gasp_core.studies.runs.backends.interface import Ended
-from gasp_core.studies.runs.backends.parcels import Missing, Parcel, on_worker, outcome_of, parcels_of
+from gasp_core.studies.runs.backends.parcels import Missing, Parcel, begun_now, on_worker, outcome_of, parcels_of
 from gasp_core.studies.runs.outcome import Limits, Outcome, Run
 
 __all__ = ["DaskRuns"]
@@ -53,6 +53,7 @@ class DaskRuns:
 def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
     from distributed import as_completed
 
+    parcels = begun_now(parcels)
     token = uuid.uuid4().hex[:8]
     sent: dict[str, Any] = {}
     numbers: dict[Any, int] = {}

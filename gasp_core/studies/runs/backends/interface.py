@@ -20,7 +20,7 @@ class Backend(Protocol):
     def made(self, runs: Sequence[Run], limits: Limits) -> AbstractContextManager[Iterator[Ended]]:
         """Outcomes as they come; a run may be missing where whoever watched over it is gone for good.
 
-        Left early, by an interrupt, it ends what is under way.
+        No run begins before the first outcome is asked for. Left early, by an interrupt, it ends what is under way.
 
         Parameters
         ----------

@@ -41,9 +41,13 @@ class LocalRuns:
         with _leashed(runs[0].out.parent) as leash:
             # As any: joblib says that a batch size is text.
             parallel: Any = Parallel
-            results = parallel(
-                n_jobs=self.at_once, return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs"
-            )(delayed(_numbered)(index, run, around, leash, limits) for index, run in enumerate(runs))
+
+            def outcomes() -> Generator[Ended]:
+                yield from parallel(
+                    n_jobs=self.at_once, return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs"
+                )(delayed(_numbered)(index, run, around, leash, limits) for index, run in enumerate(runs))
+
+            results = outcomes()
             try:
                 # Where one of joblib's own processes is killed it takes the rest along; what is there by then is kept.
                 with contextlib.suppress(TerminatedWorkerError):

@@ -22,14 +22,24 @@ from pathlib import Path
 
 from gasp_core.errors import BackendError
 from gasp_core.io.cache_folders import cache_folder
-from gasp_core.io.detect import INDICES
+from gasp_core.io.detect import whole
 from gasp_core.processes.scratch import scratch_folder
 from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.files import files_of, with_files
 from gasp_core.studies.runs.outcome import Limits, Outcome, Run, RunStatus
 from gasp_core.studies.runs.supervisor import keep, surroundings
 
-__all__ = ["Missing", "Parcel", "Source", "carry_out_parcel", "on_worker", "outcome_of", "packed", "parcels_of"]
+__all__ = [
+    "Missing",
+    "Parcel",
+    "Source",
+    "begun_now",
+    "carry_out_parcel",
+    "on_worker",
+    "outcome_of",
+    "packed",
+    "parcels_of",
+]
 
 _NAME = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{12}-\w+")
 _KEPT = 30 * 86_400.0
@@ -102,7 +112,7 @@ def parcels_of(runs: Sequence[Run], limits: Limits) -> list[Parcel]:
     known: dict[Path, Source] = {}
     parcels: list[Parcel] = []
     for run in runs:
-        paths = [_whole(path) for path in files_of(run.scene)]
+        paths = [whole(path) for path in files_of(run.scene)]
         for path in paths:
             if path not in known:
                 known[path] = _source(path)
@@ -111,10 +121,14 @@ def parcels_of(runs: Sequence[Run], limits: Limits) -> list[Parcel]:
                 run=run,
                 sources=tuple(known[path] for path in dict.fromkeys(paths)),
                 limits=limits,
-                fresh=not run.out.exists(),
             )
         )
     return parcels
+
+
+def begun_now(parcels: Sequence[Parcel]) -> list[Parcel]:
+    """The same, as the first of them is about to begin: what is not there yet, a lost worker may leave."""
+    return [replace(parcel, fresh=not parcel.run.out.exists()) for parcel in parcels]
 
 
 def packed(path: Path) -> bytes:
@@ -173,15 +187,10 @@ def outcome_of(told: Callable[[], Outcome | Missing], parcel: Parcel) -> Outcome
         return Outcome(key=parcel.run.key, ending=RunStatus.CRASHED, reason=reason)
 
 
-def _whole(path: Path) -> Path:
-    """The folder where a file is but the index of one."""
-    return path.parent if path.name in INDICES else path
-
-
 def _moved(path: Path, places: Mapping[Path, Path]) -> Path:
-    whole = _whole(path)
-    place = places.get(whole, whole)
-    return place if whole == path else place / path.name
+    stands_for = whole(path)
+    place = places.get(stands_for, stands_for)
+    return place if stands_for == path else place / path.name
 
 
 def _source(path: Path) -> Source:

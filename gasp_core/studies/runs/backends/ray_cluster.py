@@ -17,7 +17,7 @@ from typing import Any
 
 from gasp_core.errors import BackendError
 from gasp_core.studies.runs.backends.interface import Ended
-from gasp_core.studies.runs.backends.parcels import Missing, Parcel, on_worker, outcome_of, parcels_of
+from gasp_core.studies.runs.backends.parcels import Missing, Parcel, begun_now, on_worker, outcome_of, parcels_of
 from gasp_core.studies.runs.outcome import Limits, Outcome, Run
 
 __all__ = ["RayRuns"]
@@ -59,6 +59,7 @@ class RayRuns:
 
 
 def _results(ray: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
+    parcels = begun_now(parcels)
     remote = ray.remote(num_cpus=1, max_retries=_AGAIN, retry_exceptions=False)(_on_worker)
     sent: dict[str, Any] = {}
     under_way: dict[Any, int] = {}
