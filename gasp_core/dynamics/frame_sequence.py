@@ -128,7 +128,7 @@ class SequenceMotion:
                 other,
                 f"Gaussians that are neighbours in {first.name} are {farthest / near:.0f} times as far apart here: rows"
                 " seem not to be the same Gaussians in all frames",
-                'say match = "rows" if they are; frames that were made one by one cannot be simulated',
+                'say match = "rows" if they are; of frames that were made one by one "gasp track" makes such as are',
             )
 
     def _simplices_of(self, number: int) -> Array:
@@ -145,7 +145,7 @@ class SequenceMotion:
             if found != expected:
                 raise SplatFormatError(
                     f"{file}: has {found} {what}, the first frame ({self._files[0].name}) {expected}:"
-                    " frames are matched row by row and must be alike"
+                    ' frames are matched row by row and must be alike; of others "gasp track" makes such as are'
                 )
         return gaussians
 

@@ -243,6 +243,10 @@ class SplatObject:
             raise SceneError(
                 f'SplatObject.collider of "{self.name}" has no meaning without static: bodies that move meet anyway'
             )
+        if isinstance(self.material, str):
+            raise SceneError(
+                f'SplatObject.material of "{self.name}" is a name: say gasp_core.material_preset("{self.material}")'
+            )
         if not self.static and self.material is None:
             raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
         object.__setattr__(self, "parts", tuple(self.parts))

@@ -1,0 +1,120 @@
+"""``gasp track``: the Gaussians of a first frame, in frames that were made one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gasp_core.cli.export import SUFFIXES
+from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.printing import print_json, print_table
+
+if TYPE_CHECKING:
+    from gasp_core.tracking import Tracked
+
+__all__ = ["track"]
+
+_FORMATS = [name for name in SUFFIXES if name != "usd"]
+_LOST = 0.05
+"""Share of a frame in which nothing is tracked, from which on that is warned of."""
+_SHOWN = 20
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  gasp track flipbook/                            flipbook_tracked/, a file a frame
+  gasp track flipbook/ -o dancer --nodes 400      finer motion, slower
+  gasp track flipbook/ --json | jq '.frames[] | {file, distance, unseen}'
+
+\b
+In a scene:  splat = "dancer/"   motion = { kind = "frames" }
+
+\b
+Some hundred nodes, each with a map of its own, are laid onto each frame in turn.
+What moves must move by less than its own size from a frame to the next, and
+what comes into being, or bursts, is not followed. DISTANCE is from what is
+tracked to the frame and back, in percent of the frame's diagonal; in SPACINGS of
+its Gaussians 1 is as near as two samples of one surface are. UNSEEN is the
+share of the frame that nothing tracked is near to. How far something slides along
+a surface that looks the same everywhere, none of these can tell.
+"""
+)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    "-o",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    help="Where the frames go. [default: FOLDER_tracked]",
+)
+@click.option("--format", "suffix", type=click.Choice(_FORMATS), default="ply", show_default=True)
+@click.option(
+    "--nodes",
+    type=click.IntRange(min=8, max=2000),
+    default=200,
+    show_default=True,
+    help="That the motion has; time goes with their third power.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print distances as JSON, and no progress.")
+@overwrite_option("frames")
+def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool, overwrite: bool) -> None:
+    """Follow one splat's Gaussians through frames that were made one by one.
+
+    FOLDER has a splat for each frame, in the natural order of their names, and in none of them need a row be what it is
+    in another. Written are the Gaussians of the first, as they are in each: frames that can be simulated.
+    """
+    from gasp_core.dynamics.frame_sequence import frame_files
+    from gasp_core.io import read_splat, write_splat
+    from gasp_core.progress import counting
+    from gasp_core.tracking import Tracker
+
+    files = frame_files(folder)
+    target = folder.with_name(f"{folder.name}_tracked") if out is None else out
+    paths = [target / f"{Path(file.name.removesuffix('.compressed.ply')).stem}{SUFFIXES[suffix]}" for file in files]
+    if target.resolve() == folder.resolve():
+        raise click.UsageError(f"{target}: holds the frames themselves: name another folder (--out)")
+    keep_what_is_there(paths, overwrite)
+    first = read_splat(files[0])
+    tracker = Tracker(first, nodes=nodes)
+    found: list[tuple[str, Tracked]] = []
+    target.mkdir(parents=True, exist_ok=True)
+    write_splat(paths[0], first)
+    with counting(False if as_json else None, "frames", len(files) - 1) as done:
+        for file, path in zip(files[1:], paths[1:]):
+            tracked = tracker.follow(read_splat(file), str(file))
+            write_splat(path, tracked.gaussians)
+            found.append((file.name, tracked))
+            done()
+    if as_json:
+        frames = [
+            {"file": name, "distance": each.distance, "spacing": each.spacing, "unseen": each.unseen}
+            for name, each in found
+        ]
+        print_json({"folder": str(target), "gaussians": len(first), "frames": frames})
+        return
+    _print_for_people(found)
+    click.echo(f"\n{target}: {len(paths)} files of {len(first):,} Gaussians")
+
+
+def _print_for_people(found: list[tuple[str, Tracked]]) -> None:
+    every = max(1, -(-len(found) // _SHOWN))
+    shown = [each for index, each in enumerate(found, 1) if index % every == 0 or index == len(found)]
+    print_table(
+        ["FRAME", "DISTANCE %", "SPACINGS", "UNSEEN %"],
+        [
+            [name, f"{100 * each.distance:.2f}", f"{each.distance / each.spacing:.2f}", f"{100 * each.unseen:.1f}"]
+            for name, each in shown
+        ],
+    )
+    lost = [(name, each) for name, each in found if each.unseen > _LOST]
+    if lost:
+        name, first = lost[0]
+        click.echo(
+            f"\nwarning: from {name} on, in {len(lost)} frames, what is tracked is nowhere near"
+            f" {100 * first.unseen:.0f} % of the frame or more: what moves too far"
+            " between two frames, or comes into being, is lost; with more --nodes finer motion is followed",
+            err=True,
+        )

@@ -1,0 +1,90 @@
+"""``gasp track``, as it is run."""
+
+import json
+
+import numpy as np
+import pytest
+
+from gasp_core import EngineChoice, FrameSequence, Scene, SplatObject, material_preset, simulate
+from gasp_core.cli.main import main
+from gasp_core.errors import GaspError
+from gasp_core.io import read_splat, write_splat
+from gasp_core.toy import make_toy
+
+
+@pytest.fixture
+def flipbook(tmp_path, monkeypatch):
+    """A toy that turns by five degrees a frame, its rows in another order in each and some of them missing."""
+    monkeypatch.chdir(tmp_path)
+    toy, random = make_toy(2000), np.random.default_rng(0)
+    (tmp_path / "book").mkdir()
+    for k in range(4):
+        angle = np.radians(5 * k)
+        c, s = np.cos(angle), np.sin(angle)
+        moved = toy.with_(means=toy.means @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]]))
+        rows = np.arange(len(toy)) if k == 0 else random.permutation(len(toy))[: len(toy) - 50 * k]
+        write_splat(tmp_path / "book" / f"f{k}.ply", moved.select(rows))
+    return toy
+
+
+def test_frames_that_can_be_simulated(flipbook, capsys):
+    def played(folder):
+        item = SplatObject(
+            name="toy", splat=folder, up="+z", height=0.5, motion=FrameSequence(frame_rate=25), material=material_preset("jelly")
+        )
+        scene = Scene(duration=0.12, frame_rate=25, objects=(item,), engine=EngineChoice(name="reference-mpm"))
+        return simulate(scene.with_resolution(8), out="run.gasp", overwrite=True, progress=False)
+
+    with pytest.raises(GaspError, match="gasp track"):
+        played("book")
+    assert main(["track", "book", "--nodes", "40"]) == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0].split() == ["FRAME", "DISTANCE", "%", "SPACINGS", "UNSEEN", "%"]
+    assert said.out.splitlines()[-1] == "book_tracked: 4 files of 2,000 Gaussians" and said.err == ""
+    first, last = read_splat("book_tracked/f0.ply"), read_splat("book_tracked/f3.ply")
+    np.testing.assert_allclose(first.means, flipbook.means, atol=1e-6)
+    c, s = np.cos(np.radians(15)), np.sin(np.radians(15))
+    true = flipbook.means @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    off = np.sqrt(((last.means - true) ** 2).sum(axis=1).mean())
+    assert off < 0.01 * np.linalg.norm(np.ptp(flipbook.means, axis=0))
+    assert played("book_tracked").frame_count == 4
+
+
+def test_numbers_and_another_format(flipbook, capsys):
+    assert main(["track", "book", "--nodes", "40", "--json", "--format", "splat", "-o", "out"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert [frame["file"] for frame in said["frames"]] == ["f1.ply", "f2.ply", "f3.ply"]
+    assert all(frame["distance"] > 0 and 0 <= frame["unseen"] < 0.05 for frame in said["frames"])
+    assert len(read_splat("out/f2.splat")) == said["gaussians"] == 2000
+
+
+def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
+    frame = read_splat("book/f3.ply")
+    write_splat(tmp_path / "book" / "f3.ply", frame.with_(means=frame.means + [9.0, 0, 0] * (frame.means[:, :1] > 0)))
+    assert main(["track", "book", "--nodes", "40"]) == 0
+    assert "warning: from f3.ply on, in 1 frames, what is tracked is nowhere near" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["nowhere"], "nowhere: is no folder"),
+        (["book", "-o", "book"], "holds the frames themselves"),
+        (["book", "--nodes", "3"], "--nodes"),
+        (["few"], "tracking wants 100"),
+    ],
+)
+def test_what_cannot_be_tracked_is_one_line(flipbook, tmp_path, capsys, arguments, says):
+    (tmp_path / "few").mkdir()
+    write_splat(tmp_path / "few" / "a.ply", make_toy(20))
+    assert main(["track", *arguments]) == 2
+    said = capsys.readouterr().err.strip()
+    assert says in said and "Traceback" not in said
+
+
+def test_what_is_there_stays(flipbook, tmp_path, capsys):
+    (tmp_path / "book_tracked").mkdir()
+    (tmp_path / "book_tracked" / "f2.ply").write_text("precious")
+    assert main(["track", "book"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert (tmp_path / "book_tracked" / "f2.ply").read_text() == "precious"
