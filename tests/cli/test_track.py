@@ -29,9 +29,8 @@ def flipbook(tmp_path, monkeypatch):
 
 def test_frames_that_can_be_simulated(flipbook, capsys):
     def played(folder):
-        item = SplatObject(
-            name="toy", splat=folder, up="+z", height=0.5, motion=FrameSequence(frame_rate=25), material=material_preset("jelly")
-        )
+        jelly, motion = material_preset("jelly"), FrameSequence(frame_rate=25)
+        item = SplatObject(name="toy", splat=folder, up="+z", height=0.5, motion=motion, material=jelly)
         scene = Scene(duration=0.12, frame_rate=25, objects=(item,), engine=EngineChoice(name="reference-mpm"))
         return simulate(scene.with_resolution(8), out="run.gasp", overwrite=True, progress=False)
 

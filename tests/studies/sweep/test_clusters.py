@@ -117,7 +117,7 @@ def test_schedulers_that_are_not_there(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(dask_cluster, "_PATIENCE", 0.5)
     plan = planned(scene, settings_of(["engine.options.spin=1"]))
     for where, said in (
-        ("tcp://127.0.0.1:9", "no dask scheduler with a worker at tcp://127.0.0.1:9"),
+        ("tcp://127.0.0.1:9", "no dask scheduler at tcp://127.0.0.1:9"),
         ("nowhere.json", "is neither a scheduler file nor an address"),
     ):
         with pytest.raises(BackendError, match=said) as caught:
@@ -295,3 +295,16 @@ def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, monkeyp
     found = sweep(plan, tmp_path / "out", backend=chosen_backend("dask", at_once=2), progress=False)
     assert [row.status for row in found.rows] == ["complete"] * 6
     assert asked == [hidden]
+
+
+@pytest.mark.thorough
+def test_a_scheduler_whose_workers_come_later(scene, tmp_path, caplog):
+    """As those of a queue do, or of a cluster that grows with its tasks."""
+    distributed = pytest.importorskip("distributed")
+    plan = planned(scene, settings_of(["engine.options.spin=1,2"]))
+    with distributed.LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as cluster:
+        cluster.adapt(minimum=0, maximum=2, interval="200ms")
+        backend = chosen_backend("dask", scheduler=cluster.scheduler_address)
+        found = sweep(plan, tmp_path / "out", backend=backend, progress=False)
+    assert [row.status for row in found.rows] == ["complete"] * 2
+    assert "has no worker yet" in caplog.text

@@ -6,6 +6,7 @@ A worker that is lost has its run made again by another one; Dask gives a run up
 from __future__ import annotations
 
 import importlib
+import logging
 import uuid
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -21,7 +22,8 @@ from gasp_core.studies.runs.outcome import Limits, Outcome, Run
 __all__ = ["DaskRuns"]
 
 _PATIENCE = 30.0
-"""Seconds for which a scheduler, and a first worker, are waited for."""
+"""Seconds for which a scheduler is waited for."""
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,16 +128,16 @@ def _client(scheduler: str | None, workers: int, stack: ExitStack) -> Any:
         )
     try:
         client = stack.enter_context(distributed.Client(timeout=_PATIENCE, **where))
-        client.wait_for_workers(1, timeout=_PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
         said = " ".join(str(error).split())[:200]
-        raise BackendError(f"no dask scheduler with a worker at {scheduler} within {_PATIENCE:g} s: {said}") from None
+        raise BackendError(f"no dask scheduler at {scheduler} within {_PATIENCE:g} s: {said}") from None
+    if not client.nthreads():
+        # A queue may be long, and a cluster that grows with its tasks has none before there are some.
+        _LOG.warning("%s has no worker yet: the first run begins once one comes, Ctrl-C ends the waiting", scheduler)
     return client
 
 
 def _quietly() -> None:
     """A run that is cancelled, and a worker that goes, are told as outcomes, and not in the middle of a table."""
-    import logging
-
     for name in ("distributed", "distributed.nanny", "distributed.scheduler", "distributed.worker", "distributed.core"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
