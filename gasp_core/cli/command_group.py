@@ -34,7 +34,7 @@ BUILT_IN = {
     "export": ("gasp_core.cli.export:export", "Write the frames of a run as splat files."),
     "soup": ("gasp_core.cli.soup:soup", "Lend a splat's triangles to other programs, and take it back."),
     "bind": ("gasp_core.cli.bind:bind", "Move a splat with a mesh that another program moves."),
-    "track": ("gasp_core.cli.track:track", "Follow one splat's Gaussians through frames that were made one by one."),
+    "track": ("gasp_core.cli.track:track", "Follow Gaussians through frames that were made one by one."),
     "pack": ("gasp_core.cli.pack:pack", "Write a run as a moving splat, one file that one can send."),
 }
 """Subcommands by name: where they are, and their line in the help."""

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["track"]
 
-_FORMATS = [name for name in SUFFIXES if name != "usd"]
+_FORMATS = [name for name in SUFFIXES if name not in ("glb", "usd")]
+"""Those that frames are read from."""
 _LOST = 0.05
 """Share of a frame in which nothing is tracked, from which on that is warned of."""
 _SHOWN = 20
@@ -53,50 +54,74 @@ a surface that looks the same everywhere, none of these can tell.
 @click.option("--format", "suffix", type=click.Choice(_FORMATS), default="ply", show_default=True)
 @click.option(
     "--nodes",
-    type=click.IntRange(min=8, max=2000),
+    type=click.IntRange(min=8, max=800),
     default=200,
     show_default=True,
-    help="That the motion has; time goes with their third power.",
+    help="That the motion is made of: time goes with their third power, memory with their second, 3 GB for 800.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print distances as JSON, and no progress.")
-@overwrite_option("frames")
+@overwrite_option("a folder of frames")
 def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool, overwrite: bool) -> None:
-    """Follow one splat's Gaussians through frames that were made one by one.
+    """Follow Gaussians through frames that were made one by one.
 
     FOLDER has a splat for each frame, in the natural order of their names, and in none of them need a row be what it is
     in another. Written are the Gaussians of the first, as they are in each: frames that can be simulated.
     """
     from gasp_core.dynamics.frame_sequence import frame_files
     from gasp_core.io import read_splat, write_splat
+    from gasp_core.processes.scratch import scratch_folder
     from gasp_core.progress import counting
     from gasp_core.tracking import Tracker
 
     files = frame_files(folder)
-    target = folder.with_name(f"{folder.name}_tracked") if out is None else out
-    paths = [target / f"{Path(file.name.removesuffix('.compressed.ply')).stem}{SUFFIXES[suffix]}" for file in files]
-    if target.resolve() == folder.resolve():
-        raise click.UsageError(f"{target}: holds the frames themselves: name another folder (--out)")
-    keep_what_is_there(paths, overwrite)
+    target = folder.resolve().with_name(f"{folder.resolve().name}_tracked") if out is None else out
+    names = [f"{Path(file.name.removesuffix('.compressed.ply')).stem}{SUFFIXES[suffix]}" for file in files]
+    _refuse_target(target, folder, names, overwrite)
     first = read_splat(files[0])
     tracker = Tracker(first, nodes=nodes)
     found: list[tuple[str, Tracked]] = []
-    target.mkdir(parents=True, exist_ok=True)
-    write_splat(paths[0], first)
-    with counting(False if as_json else None, "frames", len(files) - 1) as done:
-        for file, path in zip(files[1:], paths[1:]):
-            tracked = tracker.follow(read_splat(file), str(file))
-            write_splat(path, tracked.gaussians)
-            found.append((file.name, tracked))
-            done()
+    # Half of the frames would look like all of a shorter motion: they come to their place together.
+    with scratch_folder(".gasp-track-", target.resolve().parent) as making:
+        write_splat(making / names[0], first)
+        with counting(False if as_json else None, "frames", len(files) - 1) as done:
+            for file, name in zip(files[1:], names[1:]):
+                tracked = tracker.follow(read_splat(file), str(file))
+                write_splat(making / name, tracked.gaussians)
+                found.append((file.name, tracked))
+                done()
+        target.mkdir(exist_ok=True)
+        for name in names:
+            (making / name).replace(target / name)
     if as_json:
         frames = [
             {"file": name, "distance": each.distance, "spacing": each.spacing, "unseen": each.unseen}
             for name, each in found
         ]
-        print_json({"folder": str(target), "gaussians": len(first), "frames": frames})
+        print_json({"folder": str(_shown(target)), "gaussians": len(first), "frames": frames})
         return
     _print_for_people(found)
-    click.echo(f"\n{target}: {len(paths)} files of {len(first):,} Gaussians")
+    click.echo(f"\n{_shown(target)}: {len(names)} files of {len(first):,} Gaussians")
+
+
+def _refuse_target(target: Path, folder: Path, names: list[str], overwrite: bool) -> None:
+    """Refuse a folder that would hold something else beside the frames, or be held by those that are read."""
+    if target.resolve().is_relative_to(folder.resolve()):
+        raise click.UsageError(
+            f"{target}: holds the frames themselves, or lies among them: name another folder (--out)"
+        )
+    if not target.resolve().parent.is_dir() or (target.exists() and not target.is_dir()):
+        raise click.UsageError(f"{target}: no folder can be made there: name another one (--out)")
+    keep_what_is_there([target], overwrite)
+    others = sorted({entry.name for entry in target.iterdir()} - set(names)) if target.is_dir() else []
+    if others:
+        raise click.UsageError(
+            f"{target}: holds {others[0]} too, which would be played with the frames: name another folder (--out)"
+        )
+
+
+def _shown(path: Path) -> Path:
+    """As one would write it here."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _print_for_people(found: list[tuple[str, Tracked]]) -> None:
@@ -105,7 +130,12 @@ def _print_for_people(found: list[tuple[str, Tracked]]) -> None:
     print_table(
         ["FRAME", "DISTANCE %", "SPACINGS", "UNSEEN %"],
         [
-            [name, f"{100 * each.distance:.2f}", f"{each.distance / each.spacing:.2f}", f"{100 * each.unseen:.1f}"]
+            [
+                name,
+                f"{100 * each.distance:.2f}",
+                f"{each.distance / each.spacing:.2f}" if each.spacing else "-",
+                f"{100 * each.unseen:.1f}",
+            ]
             for name, each in shown
         ],
     )

@@ -62,8 +62,12 @@ class Cloud:
 
     @property
     def spacing(self) -> float:
-        """Root mean square of the distance from a point to the nearest other one."""
-        return float(np.sqrt((self.tree.query(self.points, k=[2])[0] ** 2).mean()))
+        """Root mean square of the distance from a place to the nearest other one."""
+        from scipy.spatial import KDTree
+
+        places = np.unique(self.points, axis=0)
+        tree: Any = KDTree(places)
+        return float(np.sqrt((tree.query(places, k=[2])[0] ** 2).mean()))
 
     def pairs(self, points: Array) -> tuple[Array, Array]:
         """Rows of points (N, 3) and of the cloud that are nearest to each other, seen from either side."""

@@ -82,11 +82,13 @@ class DeformationGraph:
         """About so many nodes, evenly over the points (N, 3)."""
         from scipy.spatial import KDTree
 
-        labels = cluster(points, count)
+        # As far as there are so many places: Gaussians may lie on top of each other.
+        places = np.unique(points, axis=0)
+        labels = cluster(places, count)
         sizes = np.bincount(labels)
-        middles = np.stack([np.bincount(labels, column) / sizes for column in points.T], axis=1)
-        whole: Any = KDTree(points)
-        nodes = points[np.unique(whole.query(middles)[1])]
+        middles = np.stack([np.bincount(labels, column) / sizes for column in places.T], axis=1)
+        whole: Any = KDTree(places)
+        nodes = places[np.unique(whole.query(middles)[1])]
         tree: Any = KDTree(nodes)
         apart, others = tree.query(nodes, k=min(_LINKS, len(nodes) - 1) + 1)
         own = np.repeat(np.arange(len(nodes)), others.shape[1] - 1)

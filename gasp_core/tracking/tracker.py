@@ -71,10 +71,12 @@ class Tracker:
     Raises
     ------
     SplatFormatError
-        Where too few of them can be seen.
+        Where too few of them can be seen, or some are nowhere.
     """
 
     def __init__(self, first: Gaussians, *, nodes: int = 200, seed: int = 0) -> None:
+        if not np.isfinite(first.means).all():
+            raise SplatFormatError("the first frame has means that are not finite: leave these rows out")
         self._first, self._random = first, np.random.default_rng(seed)
         seen = _seen(first, "the first frame")
         self._graph = DeformationGraph.over(np.asarray(first.means, dtype=np.float64)[seen], nodes)

@@ -69,6 +69,9 @@ def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
     [
         (["nowhere"], "nowhere: is no folder"),
         (["book", "-o", "book"], "holds the frames themselves"),
+        (["book", "-o", "book/sub"], "lies among them"),
+        (["book", "-o", "few/a.ply"], "no folder can be made there"),
+        (["book", "-o", "no/where"], "no folder can be made there"),
         (["book", "--nodes", "3"], "--nodes"),
         (["few"], "tracking wants 100"),
     ],
@@ -79,6 +82,24 @@ def test_what_cannot_be_tracked_is_one_line(flipbook, tmp_path, capsys, argument
     assert main(["track", *arguments]) == 2
     said = capsys.readouterr().err.strip()
     assert says in said and "Traceback" not in said
+
+
+def test_half_of_the_frames_are_none(flipbook, tmp_path, capsys):
+    """One that cannot be read: nothing is left, and nothing of an earlier one is gone."""
+    assert main(["track", "book", "--nodes", "20"]) == 0
+    before = {file.name: file.read_bytes() for file in (tmp_path / "book_tracked").iterdir()}
+    (tmp_path / "book" / "f2.ply").write_bytes(b"torn")
+    assert main(["track", "book", "--nodes", "30", "--overwrite"]) == 2
+    assert main(["track", "book", "--nodes", "30", "-o", "other"]) == 2
+    assert {file.name: file.read_bytes() for file in (tmp_path / "book_tracked").iterdir()} == before
+    assert {entry.name for entry in tmp_path.iterdir()} == {"book", "book_tracked"}
+
+
+def test_nothing_else_lies_among_frames(flipbook, tmp_path, capsys):
+    assert main(["track", "book", "--nodes", "20", "-o", "out"]) == 0
+    assert main(["track", "book", "--nodes", "20", "-o", "out", "--format", "splat", "--overwrite"]) == 2
+    assert "holds f0.ply too" in capsys.readouterr().err
+    assert main(["track", "book", "--nodes", "30", "-o", "out", "--overwrite"]) == 0
 
 
 def test_what_is_there_stays(flipbook, tmp_path, capsys):

@@ -120,6 +120,21 @@ def test_too_little_to_be_tracked(means):
         tracker.follow(splat(means), "f2")
 
 
+def test_gaussians_on_top_of_each_other():
+    """Fewer places than nodes, and every Gaussian twice."""
+    random = np.random.default_rng(8)
+    first, second = (np.repeat(lump(directions(150, random)), 2, axis=0) for _ in range(2))
+    tracked = Tracker(splat(first), nodes=200).follow(splat(second))
+    assert np.isfinite(tracked.gaussians.means).all() and tracked.spacing > 0
+
+
+def test_a_first_frame_that_is_partly_nowhere():
+    means = lump(directions(500, np.random.default_rng(9)))
+    means[3] = np.nan
+    with pytest.raises(SplatFormatError, match="not finite"):
+        Tracker(splat(means))
+
+
 def test_a_step_solves_what_it_says():
     """Nodes that do an affine motion already: nothing is left to be done, whatever the weights."""
     random = np.random.default_rng(6)

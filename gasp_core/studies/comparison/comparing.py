@@ -32,7 +32,7 @@ from gasp_core.studies.comparison.measures import Comparison, Likeness, Pair, Ro
 from gasp_core.studies.comparison.page import page_of
 from gasp_core.studies.comparison.parting import first_meeting, parting_of
 from gasp_core.studies.comparison.running import chosen_engines, notes_of, run_all, runs_of
-from gasp_core.studies.runs import Backend, Limits, Outcome, Run, check_limits
+from gasp_core.studies.runs import Backend, Limits, Outcome, Run, RunStatus, check_limits
 
 __all__ = ["compare"]
 
@@ -134,11 +134,7 @@ def compare(
         begun=lambda: _make_room(earlier),
         progress=progress,
     )
-    recordings = {
-        run.key: Recording.open(run.address or run.out)
-        for run, outcome in zip(runs, outcomes)
-        if outcome.frame_count > 0
-    }
+    recordings, lost = _opened(runs, outcomes)
     filmed = film_all(recordings, folder, size, progress)
     comparison = Comparison(
         scene=folder.stem if name is None else name,
@@ -150,7 +146,7 @@ def compare(
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
         pairs=_pairs(recordings, filmed.likenesses, assembly, progress),
-        notes=(*notes_of(scene, runs), *filmed.notes),
+        notes=(*notes_of(scene, runs), *lost, *filmed.notes),
     )
     masses = assembly.problem.masses
     curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
@@ -160,6 +156,26 @@ def compare(
     with replacing(comparison.page) as stream:
         stream.write(page.encode("utf-8", errors="backslashreplace"))
     return comparison
+
+
+def _opened(runs: Sequence[Run], outcomes: Sequence[Outcome]) -> tuple[dict[str, Recording], list[str]]:
+    """Recordings that have frames, and what is to be said of those that did not come to their address."""
+    found: dict[str, Recording] = {}
+    lost: list[str] = []
+    for run, outcome in zip(runs, outcomes):
+        if outcome.frame_count == 0:
+            continue
+        if run.address and outcome.ending is RunStatus.FAILED:
+            # What is there may be of an earlier run.
+            lost.append(f"{run.key}: {run.address} is not looked at, as its run failed")
+            continue
+        try:
+            found[run.key] = Recording.open(run.address or run.out)
+        except RecordingError as error:
+            if not run.address:
+                raise
+            lost.append(f"{run.key}: {error}")
+    return found, lost
 
 
 def _row(run: Run, outcome: Outcome, recordings: Mapping[str, Recording], films: Mapping[str, Path]) -> Row:

@@ -92,21 +92,32 @@ def run_all(
     progress: bool | None,
 ) -> list[Outcome]:
     """Carry them out, with a bar over the frames of all."""
-    with _frames_counted(runs, progress) as done:
+    with _frames_counted(runs, progress) as (watch, done):
+
+        def room_made() -> None:
+            begun()
+            watch()
+
         return carry_out(
             runs,
             at_once=at_once,
             time_limit=time_limit,
             limits=limits,
             backend=backend,
-            begun=begun,
+            begun=room_made,
             finished=lambda outcome: done(outcome.key),
         )
 
 
 @contextmanager
-def _frames_counted(runs: Sequence[Run], progress: bool | None) -> Generator[Callable[[str], None]]:
-    """Show how many frames there are; gives a function to call with the key of a run that will make no more."""
+def _frames_counted(
+    runs: Sequence[Run], progress: bool | None
+) -> Generator[tuple[Callable[[], None], Callable[[str], None]]]:
+    """Show how many frames there are.
+
+    Gives a function to call once nothing older is where they go, and one to call with the key of a run that will make
+    no more.
+    """
     missing = {run.key: run.scene.frame_count for run in runs}
     lock, stop = threading.Lock(), threading.Event()
     with counting(progress, "frame", sum(missing.values())) as advance:
@@ -120,14 +131,14 @@ def _frames_counted(runs: Sequence[Run], progress: bool | None) -> Generator[Cal
         def look() -> None:
             while not stop.wait(_GLANCE):
                 # What is at an address is not asked for every so often: those count once they have ended.
-                for run in runs:
+                for run in [run for run in runs if not run.address]:
                     with contextlib.suppress(RecordingError):
                         left(run.key, run.scene.frame_count - Recording.open(run.out).frame_count)
 
         watcher = threading.Thread(target=look, daemon=True)
-        watcher.start()
         try:
-            yield lambda key: left(key, 0)
+            yield watcher.start, lambda key: left(key, 0)
         finally:
             stop.set()
-            watcher.join()
+            if watcher.ident is not None:
+                watcher.join()

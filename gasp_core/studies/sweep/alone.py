@@ -17,6 +17,8 @@ try:
 except ImportError:  # Windows, where no runs are made in processes of their own either.
     fcntl = None
 
+_LOCK = ".sweep.lock"
+
 
 @contextmanager
 def alone_in(folder: Path) -> Generator[None]:
@@ -32,7 +34,8 @@ def alone_in(folder: Path) -> Generator[None]:
     try:
         was_there = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY)
+        # A file, open for writing: over NFS nothing else can be locked.
+        descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
         raise RecordingError(
             f"{folder}: cannot be written: {error.strerror or error}: choose a folder that is writable and has room"
@@ -45,7 +48,9 @@ def alone_in(folder: Path) -> Generator[None]:
         os.close(descriptor)
         if not was_there:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                if [entry.name for entry in folder.iterdir()] == [_LOCK]:
+                    (folder / _LOCK).unlink()
+                    folder.rmdir()
 
 
 def _is_held(descriptor: int) -> bool:

@@ -206,13 +206,17 @@ def sweep(
             for key, each in waiting.items()
             if each.scene is not None
         ]
+        old = list((out / RUNS).glob("*.gasp")) if overwrite else [run.out for run in runs]
+        for path in old:
+            # What is somebody else's is found before anything is removed.
+            refuse_existing(path, overwrite=True)
         table = _Table(out, plan, known)
         with counting(progress, "runs", len(runs)) as counted:
 
             def begun() -> None:
                 # What was there stays until there is somebody who makes it anew.
                 ledger.begin()
-                for path in (out / RUNS).glob("*.gasp") if overwrite else [run.out for run in runs]:
+                for path in old:
                     _clear(path)
                 for each in plan:
                     if each.scene is None and _key(each.setting) not in kept:
