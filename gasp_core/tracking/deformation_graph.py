@@ -158,10 +158,11 @@ class DeformationGraph:
         """What increments, (K, 4, 3) of them, do to pairs (P,): a matrix (3 P, 12 K); and what is missing, (P, 3)."""
         from scipy import sparse
 
-        rows, others = cloud.pairs(self.carried(pose))
+        places = self.carried(pose)
+        rows, others = cloud.pairs(places)
         metric = cloud.metric[others]
         near, weights = self.near[rows], self.weights[rows]
-        apart = np.einsum("pij,pj->pi", metric, cloud.points[others] - self.carried(pose)[rows])
+        apart = np.einsum("pij,pj->pi", metric, cloud.points[others] - places[rows])
         arms = self.of(rows)._arms(pose) / self.length
         reach = np.concatenate([arms, np.ones((*near.shape, 1))], axis=2) * weights[:, :, None]
         values = np.einsum("pij,pqk->piqkj", metric, reach)

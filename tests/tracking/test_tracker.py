@@ -1,8 +1,5 @@
 """Frames whose Gaussians are other samples of what moves: where the first frame's are is known all the same."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,9 +9,6 @@ from gasp_core.io import read_splat
 from gasp_core.tracking import Tracked, Tracker
 from gasp_core.tracking.clouds import Affine, Cloud, laid_onto
 from gasp_core.tracking.deformation_graph import DeformationGraph, Pose
-
-DATA = Path(os.environ.get("GASP_DATA", "../shared/data"))
-FLIPBOOK = DATA / "dynamic" / "monkey_flipbook"
 
 
 def lump(directions):
@@ -167,11 +161,9 @@ def test_affine_maps_are_found():
 
 
 @pytest.mark.slow
-def test_a_flipbook_comes_back_as_it_began_but_larger():
+def test_a_flipbook_comes_back_as_it_began_but_larger(data):
     """The monkey turns around once and grows: its last frame is its first, 2.257 times as large, in another order."""
-    if not FLIPBOOK.is_dir():
-        pytest.skip(f"{FLIPBOOK} is not there: GASP_DATA says where the splats are")
-    files = sorted(FLIPBOOK.glob("*.sog"))
+    files = sorted((data / "dynamic" / "monkey_flipbook").glob("*.sog"))
     first = read_splat(files[0])
     tracker = Tracker(first)
     found: Tracked | None = None
