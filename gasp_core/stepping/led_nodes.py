@@ -7,7 +7,6 @@ theirs, whatever else acts.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -15,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
-from gasp_core.moments import known_inverses
+from gasp_core.stepping.led_bodies import LedBodies, Slopes
 from gasp_core.stepping.led_points import LedPoints
-from gasp_core.stepping.threads import processors
 
 __all__ = ["HEAVY", "LedGrid", "LedNodes"]
 
@@ -28,11 +26,6 @@ HEAVY = 2.0**100
 two times a velocity is exact, and this one is a float32."""
 _TOUCH = 1e-3
 """In cells: a node on the boundary itself is led, whichever way its place was rounded."""
-_NEIGHBOURS = 12
-"""Of a led point, by which it knows the slope of what it and they have: in a lattice those along its axes and half of
-those across."""
-_FLAT = 1e-2
-"""Share of the longest axis squared of such a neighbourhood below which it does not extend along another one."""
 _SPARSE = 8
 """Times as many possible keys as keys: up to that a table of all of them is sooner made than a sorted list."""
 _AROUND = np.array(list(itertools.product(range(3), repeat=3)))
@@ -69,45 +62,27 @@ class LedGrid:
 
     Parameters
     ----------
-    points
-        Those that are led.
+    led
+        Those that are led, among the others.
     spacing
         Of the grid [m].
     origin : (3,) [m]
         Where node (0, 0, 0) is.
-    neighbours : (K, N)
-        Of each led point, those nearest to it when they begin; itself where it has fewer.
-    trees
-        Of each body: k-d trees of where its led points begin, and its others, if it has others.
     """
 
-    points: LedPoints
+    led: LedBodies
     spacing: float
     origin: Array
-    neighbours: Array
-    trees: Mapping[int, tuple[Any, Any]]
 
     @classmethod
     def of(cls, problem: PointProblem, points: LedPoints, spacing: float, origin: Array) -> Self:
         """Of those of a problem."""
-        from scipy.spatial import KDTree
+        return cls(led=LedBodies.of(problem, points), spacing=spacing, origin=origin)
 
-        cloud = problem.points
-        others = np.ones(len(cloud), dtype=np.bool_)
-        others[points.rows] = False
-        neighbours = np.tile(np.arange(len(points.rows))[:, None], (1, _NEIGHBOURS))
-        trees: dict[int, tuple[Any, Any]] = {}
-        for body in map(int, np.unique(points.bodies)):
-            own = np.flatnonzero(points.bodies == body)
-            loose = cloud.reference_positions[others & (cloud.body_ids == body)]
-            tree: Any = KDTree(points.start[own])
-            trees[body] = tree, KDTree(loose) if len(loose) else None
-            count = min(_NEIGHBOURS, len(own) - 1)
-            if count:
-                # The nearest is the point itself, or one that is where it is.
-                nearest = tree.query(points.start[own], k=[*range(2, count + 2)], workers=processors())[1]
-                neighbours[own, :count] = own[nearest]
-        return cls(points=points, spacing=spacing, origin=origin, neighbours=neighbours, trees=trees)
+    @property
+    def points(self) -> LedPoints:
+        """Those that are led."""
+        return self.led.points
 
     def around(self, positions: Array, velocities: Array) -> LedNodes:
         """The nodes that are led while the points are at positions (K, 3) [m] with velocities (K, 3) [m/s].
@@ -116,7 +91,7 @@ class LedGrid:
         points around them.
         """
         points = self.points
-        slopes = _Slopes.of(positions, self.neighbours)
+        slopes = Slopes.of(positions, self.led.neighbours, np.arange(len(positions)))
         nodes, bodies, weights = self._spread((positions - self.origin) / self.spacing)
         # About a corner of their own: coordinates may be large.
         low = nodes.min(axis=0)
@@ -124,7 +99,7 @@ class LedGrid:
         local, places = positions - corner, self.spacing * (nodes - low)
         moved = slopes.of_displacements(positions - points.start)
         gone = weights @ (positions - points.start) + _along(weights, moved, local, places)
-        near = self._nearer(places + corner - gone, bodies)
+        near = self.led.nearer(places + corner - gone, bodies, 2 * _TOUCH * self.spacing)
         weights = weights[near]
         along = _along(weights, slopes.of_velocities(velocities), local, places[near])
         return LedNodes(nodes=nodes[near], bodies=bodies[near], weights=weights, slopes=along)
@@ -154,17 +129,6 @@ class LedGrid:
         spread.data /= np.repeat(total, np.diff(spread.indptr))
         return nodes, bodies, spread
 
-    def _nearer(self, places: Array, bodies: Array) -> Array:
-        """Rows (L,) of the places (G, 3) [m], at the start, of bodies (G,), that are nearer to led points of theirs."""
-        found: list[Array] = []
-        for body, (own, loose) in self.trees.items():
-            rows = np.flatnonzero(bodies == body)
-            if loose is not None:
-                to_own, to_loose = (tree.query(places[rows], workers=processors())[0] for tree in (own, loose))
-                rows = rows[to_own <= to_loose + 2 * _TOUCH * self.spacing]
-            found.append(rows)
-        return np.sort(np.concatenate(found))
-
 
 def _numbered(keys: Array, counted: Array) -> tuple[Array, Array]:
     """The different keys (N,) among those that are counted, rising, and the place of each key there, -1 for none."""
@@ -186,61 +150,3 @@ def _along(weights: Any, slopes: Array, points: Array, nodes: Array) -> Array:
     """What the points' values change by on the way to the nodes (G, 3), by their slopes (K, 3, 3): a mean (G, 3)."""
     mean = weights @ slopes.reshape(-1, 9)
     return np.einsum("gij,gj->gi", mean.reshape(-1, 3, 3), nodes) - weights @ np.einsum("kij,kj->ki", slopes, points)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Slopes:
-    """Fits over the neighbours of points, in the sense of least squares.
-
-    Parameters
-    ----------
-    neighbours : (K, N)
-    arms : (K, N, 3) [m]
-        To them.
-    inverses : (K, 3, 3) [1/m^2]
-        Of the sums of their squares, as far as they extend.
-    tangents : (F, 2, 3)
-        Of those that lie in a plane.
-    flat : (F,)
-        Which these are.
-    """
-
-    neighbours: Array
-    arms: Array
-    inverses: Array
-    tangents: Array
-    flat: Array
-
-    @classmethod
-    def of(cls, positions: Array, neighbours: Array) -> Self:
-        """Of points at positions (K, 3) [m]."""
-        arms = positions[neighbours] - positions[:, None]
-        inverses, axes, known = known_inverses(arms.transpose(0, 2, 1) @ arms, _FLAT)
-        flat = np.flatnonzero(known.sum(axis=1) == 2)
-        tangents = axes[flat][:, :, 1:].transpose(0, 2, 1)
-        return cls(neighbours=neighbours, arms=arms, inverses=inverses, tangents=tangents, flat=flat)
-
-    def _fitted(self, values: Array) -> Array:
-        """Slopes (K, 3, 3) of values (K, 3)."""
-        changes = values[self.neighbours] - values[:, None]
-        return changes.transpose(0, 2, 1) @ self.arms @ self.inverses
-
-    @property
-    def _normals(self) -> Array:
-        return np.cross(self.tangents[:, 0], self.tangents[:, 1])
-
-    def of_velocities(self, velocities: Array) -> Array:
-        """(K, 3, 3) [1/s]; where points lie in a plane its normal turns as the plane does."""
-        slopes, normals = self._fitted(velocities), self._normals
-        turning = -np.einsum("fij,fi->fj", slopes[self.flat], normals)
-        slopes[self.flat] += turning[:, :, None] * normals[:, None]
-        return slopes
-
-    def of_displacements(self, displacements: Array) -> Array:
-        """(K, 3, 3), by places now; where points lie in a plane its normal was normal to it before."""
-        slopes, normals = self._fitted(displacements), self._normals
-        before = self.tangents - np.einsum("fij,ftj->fti", slopes[self.flat], self.tangents)
-        old = np.cross(before[:, 0], before[:, 1])
-        old /= np.maximum(np.linalg.norm(old, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-        slopes[self.flat] += (normals - old)[:, :, None] * normals[:, None]
-        return slopes

@@ -9,9 +9,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import PointProblem, Trajectories
+from gasp_core.contract import PointProblem, Rigid, Trajectories
+from gasp_core.errors import SceneError
 
-__all__ = ["LedPoints"]
+__all__ = ["LedPoints", "refuse_led_rigid_bodies"]
 
 Array = NDArray[Any]
 
@@ -44,10 +45,17 @@ class LedPoints:
 
     @classmethod
     def of(cls, problem: PointProblem) -> Self | None:
-        """Those of a problem; None where none are led."""
+        """Those of a problem; None where none are led.
+
+        Raises
+        ------
+        SceneError
+            Where the body of one of them is rigid.
+        """
         trajectories = problem.trajectories
         if trajectories is None:
             return None
+        refuse_led_rigid_bodies(problem)
         rows = trajectories.rows
         return cls(
             rows=rows,
@@ -70,6 +78,12 @@ class LedPoints:
         if segment is None:
             return np.zeros_like(self.start)
         return _bezier(segment.velocities(), share)
+
+    def put(self, time: float, positions: Array, velocities: Array | None) -> None:
+        """Set their rows of positions [m] and velocities [m/s] of all points, (N, 3), to those at a time [s]."""
+        positions[self.rows] = self.positions(time)
+        if velocities is not None:
+            velocities[self.rows] = self.velocities(time)
 
     def mean_velocities(self, begin: float, end: float) -> Array:
         """By which they go from where they are at one time [s] to where they are at another, (K, 3) [m/s].
@@ -111,6 +125,21 @@ class LedPoints:
             self._segments.clear()
             self._segments[row] = segment
         return segment, (time - float(times[row])) / segment.span
+
+
+def refuse_led_rigid_bodies(problem: PointProblem) -> None:
+    """Refuse a problem in which points of a rigid body are led.
+
+    Raises
+    ------
+    SceneError
+    """
+    led, points = problem.trajectories, problem.points
+    if led is None:
+        return
+    rigid = np.array([isinstance(material, Rigid) for material in problem.materials])[points.material_ids]
+    if np.isin(points.body_ids[led.rows], points.body_ids[rigid]).any():
+        raise SceneError("rigid bodies cannot be led along trajectories, not in part either: make them soft")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

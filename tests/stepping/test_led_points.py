@@ -10,6 +10,7 @@ import pytest
 from gasp_core.contract import Elastic, PointCloud, PointProblem, Trajectories
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices
+from gasp_core.stepping.led_cage import LedCage
 from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 
@@ -196,3 +197,50 @@ def test_bodies_do_not_lead_each_other():
     speeds = found.velocities(velocities)
     assert set(found.bodies) == {0, 1}
     np.testing.assert_allclose(speeds[:, 0], np.where(found.bodies == 0, 1.0, -1.0))
+
+
+# Nodes of cages.
+
+
+def caged(points, rows, path, nodes, bodies=None, bodies_of_nodes=None):
+    """`path` takes the led points (K, 3) to where they are after a second."""
+    moves = np.stack([np.zeros((len(rows), 3)), path(points[rows]) - points[rows]])
+    problem = problem_of(points, Trajectories(rows=rows, times=[0.0, 1.0], displacements=moves), bodies)
+    of_nodes = np.zeros(len(nodes)) if bodies_of_nodes is None else bodies_of_nodes
+    found = LedCage.of(problem, nodes, of_nodes, SPACING)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("shape", ["block", "jittered", "plate"])
+def test_what_moves_led_points_affinely_moves_nodes_of_a_cage_so(shape):
+    """By any angle; of a flat plate, rigidly. The table is float32, of ways of a metre, and arms are 10 spacings."""
+    points = lattice(8, 6, 6) if shape != "plate" else lattice(12, 12, 1)
+    if shape == "jittered":
+        points = points + RNG.uniform(-0.01, 0.01, points.shape)
+    turn = rotation_matrices([[0.3, 0.5, -0.2, 0.8]])[0]
+    field = turn if shape == "plate" else turn @ (np.eye(3) + 0.3 * RNG.normal(size=(3, 3)))
+    nodes = RNG.uniform(-0.1, 0.5, (50, 3))
+    found = caged(points, np.arange(len(points)), lambda x: x @ field.T + [1.0, 2.0, 3.0], nodes)
+    np.testing.assert_array_equal(found.nodes, np.arange(50))
+    np.testing.assert_allclose(found.positions(0.0), nodes, atol=1e-15)
+    np.testing.assert_allclose(found.positions(1.0), nodes @ field.T + [1.0, 2.0, 3.0], atol=1e-5)
+
+
+def test_nodes_of_a_cage_are_led_where_they_are_nearer_to_what_is_led():
+    points = np.concatenate([lattice(12, 4, 4), lattice(12, 4, 4) + [0, 1.0, 0]])
+    bodies = np.repeat([0, 1], 192)
+    rows = np.flatnonzero(points[:192, 0] < 0.3)
+    nodes = np.stack(np.meshgrid(*[np.arange(n) * 0.1 for n in (7, 3, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
+    both = np.concatenate([nodes, nodes + [0, 1.0, 0]])
+    found = caged(points, rows, lambda x: x + [0.2, 0, 0], both, bodies, np.repeat([0, 1], len(nodes)))
+    np.testing.assert_array_equal(found.nodes, np.flatnonzero(nodes[:, 0] < 0.3 + 1e-9))
+    np.testing.assert_allclose(found.positions(1.0), found.rest + [0.2, 0, 0], atol=1e-7)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_few_led_points_take_nodes_of_a_cage_along(count):
+    points = np.linspace(0, 0.1, count)[:, None] * [1.0, 0, 0]
+    found = caged(points, np.arange(count), lambda x: x + [0.0, 1.0, 0], np.array([[0, 0, 0], [0.1, 0.1, 0.1]]))
+    np.testing.assert_allclose(found.positions(1.0) - found.rest, [[0, 1, 0]] * 2, atol=1e-7)
+    assert LedCage.of(problem_of(points, None), points, np.zeros(count), SPACING) is None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState, Trajectories
-from gasp_core.errors import SceneError
+from gasp_core.stepping.led_points import refuse_led_rigid_bodies
 from gasp_core.stepping.mpm import HELD_TOGETHER
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
 from gasp_core.stepping.rigid.grid_nodes import GridNodes
@@ -65,9 +65,7 @@ class RigidSide:
         bodies = rigid_bodies_of(problem)
         if bodies is None:
             return None
-        led = problem.trajectories
-        if led is not None and np.isin(problem.points.body_ids[led.rows], bodies.bodies).any():
-            raise SceneError("rigid bodies cannot be led along trajectories, not in part either: make them soft")
+        refuse_led_rigid_bodies(problem)
         # Only where it is needed: what it imports takes half a second.
         from gasp_core.stepping.rigid.world import RigidWorld
 

@@ -23,6 +23,7 @@ from gasp_blender.volume import kept_open, middle_gradients
 from gasp_core.contract import Driven, Impulse, Pinned, PointProblem, Wind
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
+from gasp_core.stepping.led_cage import HOLDS_NOTHING, LedCage
 
 __all__ = ["CALM", "Elastic"]
 
@@ -112,6 +113,10 @@ class Elastic:
         self.told = [] if self._meeting is None else self._meeting.told
         self._bonds = Bonds.at_start(problem.colliders, self._places())
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
+        owners = np.unique(problem.points.body_ids[matter.rows])[matter.bodies]
+        self._led = LedCage.of(problem, nodes, owners, spacing)
+        if self._led is not None and not len(self._led.nodes):
+            self.told = [*self.told, HOLDS_NOTHING]
         self._constrain(0.0, 0.0)
 
     def step(self, now: float, end: float, step: float) -> bool:
@@ -253,8 +258,8 @@ class Elastic:
                 self._put(None, self._velocities() + given[:, None] * kick)
 
     def _constrain(self, now: float, step: float) -> None:
-        """Contact, then what drives hold, which is stronger."""
-        if not (self._problem.colliders or self._problem.drives):
+        """Contact, then what drives hold, which is stronger, then what is led."""
+        if not (self._problem.colliders or self._problem.drives or self._led):
             return
         places, velocities = self._places(), self._velocities()
         if self._problem.colliders:
@@ -270,4 +275,7 @@ class Elastic:
             held, grips[:] = held_nodes(drive, now, grips, places, self._share_within, self.positions())
             if held.any():
                 places[held], velocities[held] = rigid_motion(drive, now, grips[held])
+        if self._led is not None and step:
+            led, ends = self._led.nodes, self._led.positions(now)
+            places[led], velocities[led] = ends, (ends - self._led.positions(now - step)) / step
         self._put(places, velocities)

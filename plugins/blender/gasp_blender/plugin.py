@@ -37,7 +37,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="blender",
             summary="Blender's soft bodies on a cage, cloth and rigid bodies: springs, calibrated to Young's modulus",
-            contract_version=(1, 2),
+            contract_version=(1, 4),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
@@ -53,9 +53,10 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 determinism=Determinism.BITWISE,
                 temporal_order=1.0,
                 checkpoints=True,
+                trajectories=True,
             ),
             factory="gasp_blender.engine:Blender",
             options=BlenderOptions,
-            environment=EngineEnvironment(python="3.11", packages=("bpy==4.5.15", "numpy<2")),
+            environment=EngineEnvironment(python="3.11", packages=("bpy==4.5.15", "numpy<2", "scipy==1.17.1")),
         )
     ]

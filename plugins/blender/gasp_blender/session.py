@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.session import SteppedSession, StoppedError
 from gasp_core.stepping.time_step import substeps_to
 
@@ -68,6 +69,7 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
     ) -> None:
         super().__init__(problem, parts, engine="blender", accuracy=accuracy, time=time, notes=notices)
         self._longest = longest_step
+        self._led = LedPoints.of(problem)
 
     def step_toward(self, landing: float, end: float) -> None:
         """All steps up to `landing`: nothing that happens on the way bounds them."""
@@ -95,6 +97,8 @@ class BlenderSession(SteppedSession[Sequence[tuple[Array, Part]]]):
             positions[rows] = part.positions()
             if Field.VELOCITIES in fields:
                 velocities[rows] = part.velocities()
+        if self._led is not None:
+            self._led.put(self._time, positions, velocities)
         return PointState(
             time=self._time, positions=positions, velocities=velocities if Field.VELOCITIES in fields else None
         )

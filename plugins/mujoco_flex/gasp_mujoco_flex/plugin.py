@@ -87,7 +87,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="mujoco-flex",
             summary="Finite elements and rigid bodies in MuJoCo: stiff matter and contact at large steps; CPU",
-            contract_version=(1, 3),
+            contract_version=(1, 4),
             capabilities=EngineCapabilities(
                 materials=frozenset({Elastic, Rigid}),
                 collider_shapes=frozenset({HalfSpace, BoxShape, SphereShape, SignedDistanceField}),
@@ -107,6 +107,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
                 checkpoints=True,
                 unconditionally_stable=True,
                 material_damping=True,
+                trajectories=True,
             ),
             factory="gasp_mujoco_flex.engine:MujocoFlex",
             options=MujocoOptions,

@@ -68,13 +68,14 @@ class MujocoSession(SteppedSession[Motion]):
     def step_toward(self, landing: float, end: float) -> None:
         """Some equal steps towards `landing`."""
         motion = self.held()
+        led = 0.0 if motion.led is None else motion.led.points.fastest(self._time)
         allowed = step_size(
             self._accuracy,
             span=self._span,
             size=self._size,
             side=self._smallest,
             sound=self._sound,
-            speed=motion.speed(),
+            speed=max(motion.speed(), led),
             acceleration=math.hypot(*self._problem.gravity),
         )
         self.refuse_too_many(allowed, end)
@@ -102,11 +103,10 @@ class MujocoSession(SteppedSession[Motion]):
     def read(self, fields: frozenset[Field]) -> PointState:
         """Positions and the asked fields, in the order given, owned."""
         motion = self.held()
-        return PointState(
-            time=self._time,
-            positions=motion.positions(),
-            velocities=motion.velocities() if Field.VELOCITIES in fields else None,
-        )
+        positions, velocities = motion.positions(), motion.velocities() if Field.VELOCITIES in fields else None
+        if motion.led is not None:
+            motion.led.points.put(self._time, positions, velocities)
+        return PointState(time=self._time, positions=positions, velocities=velocities)
 
     def checkpoint(self) -> Mapping[str, Array]:
         """Everything that changes; what does not is in the problem."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import ContactCondition, Driven, EngineAccuracy, Impulse, PointProblem, Wind
 from gasp_core.stepping.embedding import carry_rigidly
 from gasp_core.stepping.forcing import force_fields_at
+from gasp_core.stepping.led_cage import HOLDS_NOTHING, LedCage
 from gasp_mujoco_flex.external_forces import blow, strike
 from gasp_mujoco_flex.kinematic_constraints import TOUCH, Grip, grips, sticking
 from gasp_mujoco_flex.model import Model
@@ -55,6 +56,8 @@ class Motion:
         self._stuck = np.zeros(model.nodes, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
+        self.led = _led_nodes(problem, model, self._state.rest)
+        """What takes nodes along."""
         model.mj.opt.tolerance = accuracy.solver_tolerance * (_FACTORED if model.factored else _ITERATED)
         if accuracy.iteration_limit is not None:
             model.mj.opt.iterations = accuracy.iteration_limit
@@ -70,6 +73,8 @@ class Motion:
         self._radii = [float(np.linalg.norm(body.arms, axis=1).max()) for body in model.bodies]
         self._holding = False
         self._idle: list[str] = []
+        if self.led is not None and not len(self.led.nodes):
+            self._idle.append(HOLDS_NOTHING)
         self._begun = False
 
     # Stepping ---------------------------------------------------------------------------------------------------------
@@ -86,7 +91,7 @@ class Motion:
             winds = [one for one in force_fields_at(self._problem.force_fields, time) if isinstance(one, Wind)]
             blow(winds, self._model, self._state, step)
         active = grips(self._problem.drives, time, step)
-        if not active and not self._sticky:
+        if not active and not self._sticky and self.led is None:
             # A rigid body's step takes microseconds: nothing is looked at that nothing holds.
             if self._holding:
                 self._armature[:] = 0.0
@@ -94,7 +99,7 @@ class Motion:
             return self._free_step()
         self._holding = True
         self._look_for_idle(active, time)
-        held, ends, velocities = self._grip_nodes(active, step)
+        held, ends, velocities = self._grip_nodes(active, time, step)
         bodies = self._grip_bodies(active, step)
         failure = self._stepped()
         self._state.place(held, ends, velocities)
@@ -140,8 +145,8 @@ class Motion:
         arms = self._model.bodies[number].arms
         return np.concatenate([centre + arms[:: max(1, len(arms) // _SAMPLE)] @ turn.T, centre[None]])
 
-    def _grip_nodes(self, active: list[Grip], step: float) -> tuple[Array, Array, Array]:
-        """Make held nodes go where drives take them: which they are, and their places and velocities at the end."""
+    def _grip_nodes(self, active: list[Grip], time: float, step: float) -> tuple[Array, Array, Array]:
+        """Make held nodes go where they are taken: which they are, and their places and velocities at the end."""
         places = self._state.places
         if self._sticky:
             self._stuck |= sticking(self._problem.colliders, places, self._room)
@@ -152,6 +157,11 @@ class Motion:
             held |= inside
             ends[inside] = grip.taken(places[inside])
             velocities[inside] = grip.velocities(ends[inside])
+        if self.led is not None:
+            led = self.led.nodes
+            held[led] = True
+            ends[led] = self.led.positions(time + step)
+            velocities[led] = (ends[led] - places[led]) / step
         self._armature[: 3 * len(places)] = np.repeat(np.where(held, _HELD, 0.0), 3)
         self._state.send(held, (ends - places) / step)
         return held, ends, velocities
@@ -245,7 +255,7 @@ class Motion:
         ]
 
     def positions(self) -> Array:
-        """Of the scene's points, (N, 3) [m]."""
+        """Of the scene's points, (N, 3) [m], as if none of them were led."""
         points = self._problem.points
         out = np.empty((len(points), 3))
         moved = self._state.displacements
@@ -258,7 +268,7 @@ class Motion:
         return out
 
     def velocities(self) -> Array:
-        """Of the scene's points, (N, 3) [m/s]; those given, as long as no step was taken."""
+        """As `positions`, (N, 3) [m/s]; those given, as long as no step was taken."""
         points = self._problem.points
         if not self._begun:
             return points.initial_velocities.copy()
@@ -289,3 +299,10 @@ class Motion:
         self._state.restore(checkpoint["state"])
         self._stuck, self._stuck_bodies = np.split(np.array(checkpoint["stuck"], dtype=bool), [len(self._stuck)])
         self._begun = bool(checkpoint["begun"])
+
+
+def _led_nodes(problem: PointProblem, model: Model, places: Array) -> LedCage | None:
+    """What takes nodes along, which begin at places (M, 3) [m]; None where nothing does."""
+    bodies = [np.full(len(cage.masses), problem.points.body_ids[cage.matter.rows[0]]) for cage in model.cages]
+    side = min((float(cage.grid.sides.min()) for cage in model.cages), default=0.0)
+    return LedCage.of(problem, places, np.concatenate([np.zeros(0), *bodies]), side)
