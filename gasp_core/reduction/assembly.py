@@ -30,6 +30,7 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
 from gasp_core.scene.placed_mesh import mesh_of
 from gasp_core.scene.selection import PlacedObject
+from gasp_core.stepping.body_faces import BodyFaces
 from gasp_core.stepping.grid import GridAnchor
 
 __all__ = ["Assembly", "assemble"]
@@ -123,6 +124,7 @@ def assemble(
     bodies: list[Body] = []
     columns: dict[str, list[Array]] = {}
     bounds: list[Array] = []
+    sheets: list[BodyFaces] = []
     materials: dict[Material, int] = {}
     pins: dict[str, Drive] = {}
     leads: list[Lead] = []
@@ -171,6 +173,8 @@ def assemble(
             )
         )
         bounds.append(sample.bounds + block.centre)
+        if sample.faces is not None:
+            sheets.append(BodyFaces(body=body, faces=start + sample.faces))
         start += len(points)
     x, y, z = (np.min(bounds, axis=(0, 1)) + np.max(bounds, axis=(0, 1))) / 2
     joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
@@ -188,7 +192,7 @@ def assemble(
         gravity=scene.gravity,
         domain=scene.domain,
         trajectories=trajectories_at_rest(leads),
-        hints=(GridAnchor(place=(float(x), float(y), float(z))), *surfaces),
+        hints=(GridAnchor(place=(float(x), float(y), float(z))), *surfaces, *sheets),
     )
     return Assembly(
         problem=problem,

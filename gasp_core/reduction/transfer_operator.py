@@ -82,6 +82,8 @@ class Sample:
         Lowest and highest corner of the matter they stand for, about the centre of the body.
     notes
         Sentences for the user, without their subject.
+    faces : (F, 3)
+        Triangles of points, where these are a sheet; None where they are not.
     """
 
     positions: Array
@@ -89,6 +91,7 @@ class Sample:
     carrier: TransferOperator
     bounds: Array
     notes: tuple[str, ...] = ()
+    faces: Array | None = None
 
 
 def bounds_of(points: Array) -> Array:

@@ -25,6 +25,7 @@ from gasp_core.contract import (
     Status,
 )
 from gasp_core.simulation.driving import drive_speed, work_starts
+from gasp_core.stepping.body_faces import body_faces
 
 __all__ = [
     "FASTER_THAN_SOUND",
@@ -75,8 +76,8 @@ class Watch:
     elastic : (N,) bool
         Points whose deformation gradient is that of an elastic solid. What flows or yields may end at any ratio.
     thicknesses : (B,) [m]
-        Of each body that keeps its shape, along its thinnest direction, at the start; infinite for the others, and for
-        those of which something is led: their shape is somebody's wish.
+        Of each body that keeps its shape, along its thinnest direction, at the start; infinite for the others, for
+        sheets, and for those of which something is led: their shape is somebody's wish.
     kinetic_energy
         At the start [J].
     diagonal
@@ -134,13 +135,14 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
     shapely = [isinstance(material, Elastic | NeoHookean | Metal) for material in problem.materials]
     thicknesses = np.full(int(points.body_ids.max()) + 1, math.inf)
     led = () if problem.trajectories is None else np.unique(points.body_ids[problem.trajectories.rows])
+    sheets = body_faces(problem)
     for body in np.unique(points.body_ids):
         rows = points.body_ids == body
         own = points.reference_positions[rows]
         across, thick = float(np.linalg.norm(np.ptp(own, axis=0))), thickness(own)
-        # A plane has no thickness that it could lose.
-        keeps = body not in led and all(shapely[index] for index in np.unique(points.material_ids[rows]))
-        if keeps and thick > _PLANE * across:
+        # A plane has no thickness that it could lose, and a sheet that falls down flat is whole.
+        keeps = all(shapely[index] for index in np.unique(points.material_ids[rows]))
+        if keeps and body not in led and body not in sheets and thick > _PLANE * across:
             thicknesses[body] = thick
         diagonal = max(diagonal, across)
     return Watch(

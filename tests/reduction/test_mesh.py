@@ -36,6 +36,7 @@ from gasp_core.reduction.mesh import OnFaces
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.placed_mesh import mesh_of, welded
 from gasp_core.simulation.splat_sources import prepare
+from gasp_core.stepping.body_faces import body_faces
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("igl")
@@ -146,6 +147,7 @@ def test_a_closed_mesh_has_the_mass_of_what_it_encloses(scene_of, cloud, file_of
     assert abs(volume / mesh.volume - 1) < 0.3 * 2 / resolution
     assert (assembly.problem.points.reference_volumes > 0).all()
     assert f"{len(mesh.vertices):,} vertices of its mesh and" in assembly.bodies[0].notes[0]
+    assert not body_faces(assembly.problem)
 
 
 def test_an_open_mesh_is_a_sheet(scene_of, file_of):
@@ -156,6 +158,13 @@ def test_an_open_mesh_is_a_sheet(scene_of, file_of):
     assembly = prepare(scene_of(splat_on(sheet), reduction=choice, accuracy=COARSE)).assembly
     assert len(assembly.problem.points) == len(welded(sheet.vertices, sheet.faces)[0])
     assert "a sheet" in assembly.bodies[0].notes[0]
+    # Engines that step cloth are told its faces, as those of the points that they are given.
+    faces = body_faces(assembly.problem)[0]
+    corners = assembly.problem.points.reference_positions[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    placed = assembly.problem.points.reference_positions
+    assert len(faces) == len(sheet.faces)
+    assert area == pytest.approx(np.ptp(placed[:, 0]) * np.ptp(placed[:, 1]), rel=1e-9)
     with pytest.raises(SceneError, match="encloses next to nothing"):
         prepare(scene_of(splat_on(sheet), reduction=dataclasses.replace(choice, points="filled"), accuracy=COARSE))
     finer = prepare(scene_of(splat_on(sheet), reduction=choice, accuracy=EngineAccuracy(resolution=64))).assembly

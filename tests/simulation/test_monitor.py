@@ -22,6 +22,7 @@ from gasp_core.simulation.monitor import (
     stretched_out,
     watch_over,
 )
+from gasp_core.stepping.body_faces import BodyFaces
 
 JELLY = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 WATER = Fluid(density=1000.0, bulk_modulus=1e5)
@@ -198,6 +199,16 @@ def test_a_body_that_stays_flat_is_crushed_whatever_its_gradients_say():
     assert verdict(case, pressed, thicker).status is Status.OK
     # A rod that coils up has its thickness still; water has none to lose.
     assert not flattened(watch_over(problem(material=WATER), STEP), pressed.positions)
+
+
+def test_a_sheet_that_falls_down_flat_is_whole():
+    """It was bent at first: a cape."""
+    rng = np.random.default_rng(2)
+    case = dataclasses.replace(problem(), points=cloud(rng.uniform(size=(500, 3))))
+    sheet = dataclasses.replace(case, hints=(BodyFaces(body=0, faces=[[0, 1, 2]]),))
+    flat = case.points.reference_positions * [1, 1, 0]
+    assert flattened(watch_over(case, STEP), flat)
+    assert not flattened(watch_over(sheet, STEP), flat)
 
 
 def test_a_rod_that_coils_up_is_not_flat():

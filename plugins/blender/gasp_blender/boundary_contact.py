@@ -41,10 +41,10 @@ class Bonds:
     depths: Array
 
     @classmethod
-    def at_start(cls, colliders: Sequence[Collider], places: Array) -> Bonds:
-        """Of nodes at `places` (V, 3) [m] that have touched nothing yet."""
+    def at_start(cls, colliders: Sequence[Collider], places: Array, sizes: Array) -> Bonds:
+        """Of nodes at `places` (V, 3) [m] that have touched nothing yet; `sizes` as of `touch`."""
         count, nodes = len(colliders), len(places)
-        depths = [np.maximum(-_distance(collider, places), 0.0) for collider in colliders]
+        depths = [np.maximum(sizes - _distance(collider, places), 0.0) for collider in colliders]
         return cls(
             bound=np.zeros((count, nodes), dtype=bool),
             anchors=np.zeros((count, nodes, 3)),
@@ -53,12 +53,20 @@ class Bonds:
 
 
 def touch(
-    colliders: Sequence[Collider], bonds: Bonds, places: Array, velocities: Array, reach: float, step: float
+    colliders: Sequence[Collider],
+    bonds: Bonds,
+    places: Array,
+    velocities: Array,
+    sizes: Array,
+    reach: float,
+    step: float,
 ) -> tuple[Array, Array]:
     """Places [m] and velocities [m/s] (V, 3) after contact.
 
     Parameters
     ----------
+    sizes : (V,) [m]
+        How far the matter of a node goes beyond it.
     reach
         How near counts as touching [m].
     step
@@ -66,7 +74,7 @@ def touch(
     """
     for number, collider in enumerate(colliders):
         sign = 1.0 if collider.side is Side.OUTSIDE else -1.0
-        outside = _distance(collider, places)
+        outside = _distance(collider, places) - sizes
         depths = bonds.depths[number] = np.minimum(bonds.depths[number], np.maximum(-outside, 0.0))
         distance = outside + depths
         bound = bonds.bound[number]

@@ -31,7 +31,8 @@ class Cage:
     nodes : (V, 3) [m]
         Corners of voxels at rest.
     voxels : (C, 8) or (C, 4)
-        Rows of `nodes`; corner i of a voxel is at the bits of i (x y z). The corners of a quad go round.
+        Rows of `nodes`; corner i of a voxel is at the bits of i (x y z). The corners of a quad go round; a triangle is
+        one whose last two are the same.
     parity : (C, 3)
         Of a voxel's place along each axis, 0 or 1.
     corners : (N, 8)

@@ -1,7 +1,8 @@
-"""Blender's cloth: a net of quads, stepped implicitly.
+"""Blender's cloth: a net of quads and triangles, stepped implicitly.
 
 Springs along the edges of a square net, of stiffness k [N/m], and across its squares, of k/2, are isotropic in their
-plane: Poisson's ratio 1/3, and Young's modulus times thickness 4 k / 3. There is no bending stiffness.
+plane: Poisson's ratio 1/3, and Young's modulus times thickness 4 k / 3. For those of triangles see
+`gasp_blender.net_stiffness`. There is no bending stiffness.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def cloth(places: Array, faces: Array, mass: float, gravity: Array) -> Stepper:
     """Cloth without damping, drag or collisions.
 
     Parameters are those of `soft_body`, but that an edge bears `TENSION` at a strain of one, and all vertices have one
-    mass: Blender knows no other. `faces` (F, 4) are quads.
+    mass: Blender knows no other. `faces` are those of `gasp_blender.meshes.mesh_object`.
     """
     with quiet():
         scene = new_scene()

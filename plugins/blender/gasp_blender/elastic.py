@@ -111,7 +111,7 @@ class Elastic:
         meets = not matter.is_cloth and matter.bodies.max() > 0
         self._meeting = Meeting(matter.cage, matter.bodies, matter.masses) if meets else None
         self.told = [] if self._meeting is None else self._meeting.told
-        self._bonds = Bonds.at_start(problem.colliders, self._places())
+        self._bonds = Bonds.at_start(problem.colliders, self._places(), matter.sizes)
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         owners = np.unique(problem.points.body_ids[matter.rows])[matter.bodies]
         self._led = LedCage.of(problem, nodes, owners, spacing)
@@ -264,7 +264,8 @@ class Elastic:
         places, velocities = self._places(), self._velocities()
         if self._problem.colliders:
             reach = _NEAR * self._length
-            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, reach, step)
+            sizes = self._matter.sizes
+            places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, sizes, reach, step)
         for number, drive in enumerate(self._problem.drives):
             if not isinstance(drive, (Pinned, Driven)):
                 continue

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from gasp_blender.bpy_runtime import studio
 from gasp_blender.elastic import CALM, Elastic
 from gasp_blender.impulses import Struck
+from gasp_blender.nets import cloth_matter
 from gasp_blender.options import BlenderOptions
 from gasp_blender.rigid import LONGEST_STEP, RigidBodies, rigid_rows
 from gasp_blender.session import BlenderSession
-from gasp_blender.spring_model import Matter, cloth_matter, elastic_matter
+from gasp_blender.spring_model import Matter, elastic_matter
 from gasp_blender.warnings_for_users import notices
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import SceneError

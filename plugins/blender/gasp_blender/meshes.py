@@ -16,7 +16,7 @@ Array = NDArray[Any]
 
 
 def mesh_object(scene: Any, vertices: Array, edges: Array | None = None, faces: Array | None = None) -> Any:
-    """An object of a mesh, in the scene.
+    """An object of a mesh, in the scene; of `faces` (F, 4), those whose last two corners are the same are triangles.
 
     `Mesh.validate` is not called: it turns what is not finite into numbers without a word.
 
@@ -40,11 +40,13 @@ def mesh_object(scene: Any, vertices: Array, edges: Array | None = None, faces: 
         mesh.edges.add(len(edges))
         mesh.edges.foreach_set("vertices", np.ascontiguousarray(edges, np.int32).ravel())
     if faces is not None and len(faces):
-        sides = faces.shape[1]
-        mesh.loops.add(faces.size)
-        mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(faces, np.int32).ravel())
+        corners = np.ones(faces.shape, dtype=bool)
+        corners[:, 3] = faces[:, 3] != faces[:, 2]
+        mesh.loops.add(int(corners.sum()))
+        mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(faces[corners], np.int32))
         mesh.polygons.add(len(faces))
-        mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, sides, dtype=np.int32))
+        starts = np.cumsum(corners.sum(axis=1)) - corners.sum(axis=1)
+        mesh.polygons.foreach_set("loop_start", starts.astype(np.int32))
         mesh.update(calc_edges=True)
     one = bpy.data.objects.new(new_name("gasp-object"), mesh)
     scene.collection.objects.link(one)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, build_cage
 
-__all__ = ["build_sheet", "quad_edges"]
+__all__ = ["build_sheet", "net_edges"]
 
 Array = NDArray[Any]
 
@@ -58,7 +58,7 @@ def build_sheet(positions: Array, margin: float, spacing: float, most_quads: int
     )
 
 
-def quad_edges(quads: Array) -> Array:
-    """Sides of quads (E, 2), each once."""
-    sides = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
-    return np.unique(np.sort(sides, axis=1), axis=0)
+def net_edges(faces: Array) -> Array:
+    """Sides of faces (F, 4), (E, 2), each once. The last corner of a triangle is the one before it."""
+    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1), axis=0)

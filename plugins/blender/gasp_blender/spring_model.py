@@ -10,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, build_cage, gather, scatter
-from gasp_blender.sheet import build_sheet, quad_edges
 from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_shares
 from gasp_core.contract import Elastic, PointProblem
 from gasp_core.errors import SceneError
 
-__all__ = ["Matter", "cloth_matter", "connected", "elastic_matter", "node_velocities"]
+__all__ = ["Matter", "connected", "elastic_matter", "half_side", "joined", "node_velocities"]
 
 Array = NDArray[Any]
 
-CLOTH_STEP = 1 / 12
-"""Of cloth [s], which is stepped implicitly and bears any: a longer one flies past what it should touch."""
 _LEAST_MASS = 0.1
 """Of a cage's mean nodal mass. A node inside a hollow shell has no points and would have none."""
 _SOLVES = 600
@@ -54,8 +51,10 @@ class Matter:
         Largest step [s]: of an undamped explicit scheme, two over the fastest angular frequency.
     weights : (V,)
         Of the nodes' springs, as Blender has them.
+    sizes : (V,) [m]
+        How far the matter of each node goes beyond it: half the thickness of a net, nothing of a cage.
     is_cloth
-        Whether it is a net of quads.
+        Whether it is a net of quads and triangles.
     """
 
     rows: Array
@@ -69,15 +68,17 @@ class Matter:
     coupling: Array
     stable_step: float
     weights: Array
+    sizes: Array
     is_cloth: bool = False
 
 
 def elastic_matter(problem: PointProblem, spacing: float, most_voxels: int) -> Matter | None:
     """All bodies of elastic material in cages; None where there are none."""
-    return _joined(problem, lambda rows: _one_body(problem, rows, spacing, most_voxels))
+    return joined(problem, lambda rows: _one_body(problem, rows, spacing, most_voxels))
 
 
-def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter | None:
+def joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter | None:
+    """What `build` makes of the rows of each elastic body, side by side; None where there are none."""
     kinds = np.array([isinstance(material, Elastic) for material in problem.materials])
     chosen = np.flatnonzero(kinds[problem.points.material_ids])
     if len(chosen) == 0:
@@ -105,61 +106,15 @@ def _joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter |
         coupling=np.concatenate([part.coupling for part in parts]),
         stable_step=min(part.stable_step for part in parts),
         weights=np.concatenate([part.weights for part in parts]),
+        sizes=np.concatenate([part.sizes for part in parts]),
         is_cloth=parts[0].is_cloth,
-    )
-
-
-def cloth_matter(problem: PointProblem, spacing: float, most_quads: int) -> Matter | None:
-    """All bodies of elastic material as nets of cloth; None where there are none.
-
-    Raises
-    ------
-    SceneError
-        Where a body is no sheet, or bodies are of different materials.
-    """
-    return _joined(problem, lambda rows: _one_sheet(problem, rows, spacing, most_quads))
-
-
-def _one_sheet(problem: PointProblem, rows: Array, spacing: float, most_quads: int) -> Matter:
-    points = problem.points
-    volumes = points.reference_volumes[rows]
-    materials = {problem.materials[number] for number in points.material_ids}
-    body = int(points.body_ids[rows[0]])
-    if len(materials) > 1:
-        raise SceneError("blender's cloth has one material in a scene: simulate them apart, or use elastic = cage")
-    margin = _half_side(points.reference_positions[rows], volumes)
-    try:
-        sheet, thickness = build_sheet(points.reference_positions[rows], margin, spacing, most_quads)
-    except ValueError as error:
-        raise SceneError(
-            f"body {body} is no sheet across an axis, {error}: cloth wants one that is at most a third as thick as it"
-            " is wide; turn it, or use elastic = cage"
-        ) from None
-    point_masses = problem.masses[rows]
-    edges = quad_edges(sheet.voxels)
-    length = float(np.linalg.norm(sheet.nodes[edges[:, 1]] - sheet.nodes[edges[:, 0]], axis=1).mean())
-    force = 0.75 * getattr(problem.materials[points.material_ids[rows[0]]], "youngs_modulus", 0.0) * thickness * length
-    count = len(sheet.nodes)
-    return Matter(
-        rows=rows,
-        cage=sheet,
-        edges=edges,
-        quarters=np.full(len(edges), 4),
-        bodies=np.zeros(count, np.int64),
-        masses=np.full(count, point_masses.sum() / count),
-        forces=np.full(count, force),
-        point_masses=point_masses,
-        coupling=scatter(sheet, point_masses),
-        stable_step=CLOTH_STEP,
-        weights=np.ones(count),
-        is_cloth=True,
     )
 
 
 def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: int) -> Matter:
     points = problem.points
     volumes = points.reference_volumes[rows]
-    margin = _half_side(points.reference_positions[rows], volumes)
+    margin = half_side(points.reference_positions[rows], volumes)
     cage = build_cage(points.reference_positions[rows], margin, spacing, most_voxels)
     edges, quarters = spring_edges(cage)
     moduli = np.array([getattr(material, "youngs_modulus", 0.0) for material in problem.materials])
@@ -189,10 +144,11 @@ def _one_body(problem: PointProblem, rows: Array, spacing: float, most_voxels: i
         coupling=coupling,
         stable_step=2 / fastest_pulse(cage.nodes, edges, force * shares, masses),
         weights=weights,
+        sizes=np.zeros(len(masses)),
     )
 
 
-def _half_side(positions: Array, volumes: Array) -> float:
+def half_side(positions: Array, volumes: Array) -> float:
     """Half the side of the cube that a place stands for [m]; points at one place share it."""
     return float((volumes.sum() / len(np.unique(positions, axis=0))) ** (1 / 3)) / 2
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gasp_blender.cage import build_cage, gather, scatter
 from gasp_blender.kinematic_constraints import rigid_motion
-from gasp_blender.sheet import build_sheet, quad_edges
+from gasp_blender.sheet import build_sheet, net_edges
 from gasp_blender.spring_model import elastic_matter, node_velocities
 from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spring_force, spring_shares
 
@@ -136,7 +136,7 @@ def test_a_sheet_is_a_net_with_its_points_on_it(bodies):
     flat[:, 1] = 0.05
     np.testing.assert_allclose(gather(sheet, sheet.nodes), flat, atol=1e-13)
     # Every side once, and no diagonal: 5 * 6 + 7 * 4.
-    edges = quad_edges(sheet.voxels)
+    edges = net_edges(sheet.voxels)
     spans = np.linalg.norm(sheet.nodes[edges[:, 0]] - sheet.nodes[edges[:, 1]], axis=1)
     assert len(edges) == 58
     np.testing.assert_allclose(spans, 0.1)
