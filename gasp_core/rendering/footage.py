@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Collider
 from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
-from gasp_core.errors import RecordingError, SceneError
+from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.moving.reading import MovingSplat
@@ -20,7 +21,7 @@ from gasp_core.recording import Recording
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
-from gasp_core.scene.file_shapes import FileShape
+from gasp_core.scene.file_shapes import resolved
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.named_code import without_code
@@ -33,6 +34,8 @@ from gasp_core.scene.settings import CameraChoice
 __all__ = ["Footage", "Moving", "RecordedFootage", "SceneFootage", "Still", "open_footage"]
 
 Array = NDArray[Any]
+
+_LOG = logging.getLogger(__name__)
 
 _BACKDROP = 3.0
 """Times the size of what moves, from which on an object that stands still is what it moves before."""
@@ -110,8 +113,12 @@ class RecordedFootage:
 
     @property
     def colliders(self) -> tuple[Collider, ...]:
-        """Of the scene, those that a formula describes: what a file describes is drawn as an object where it is one."""
-        return _by_formula(self.recording.scene)
+        """Of the scene, those that can be drawn."""
+        return self._colliders
+
+    @cached_property
+    def _colliders(self) -> tuple[Collider, ...]:
+        return _drawable(self.recording.scene)
 
     @property
     def camera(self) -> CameraChoice | None:
@@ -235,7 +242,7 @@ class SceneFootage:
         self.path = path
         self.scene = scene
         self.frame_rate = scene.frame_rate
-        self.colliders = _by_formula(scene)
+        self.colliders = _drawable(scene)
         self.camera = scene.camera
         self._placed: PlacedScene = place_scene(without_code(scene))
         self._gaussians = self._placed.gaussians
@@ -307,8 +314,15 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
     return Still(read_splat(path), up, path)
 
 
-def _by_formula(scene: Scene) -> tuple[Collider, ...]:
-    return tuple(one for one in scene.colliders if not isinstance(one.shape, FileShape))
+def _drawable(scene: Scene) -> tuple[Collider, ...]:
+    """The colliders of a scene; without those whose file is no longer there, which is said."""
+    found: list[Collider] = []
+    for number, one in enumerate(scene.colliders, start=1):
+        try:
+            found.append(resolved(one))
+        except (GaspError, OSError) as error:
+            _LOG.warning("collider %d is not drawn: %s", number, error)
+    return tuple(found)
 
 
 def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) -> Array:

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SignedDistanceField, SphereShape
 from gasp_core.errors import RenderingError
 from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.contract import Picture
+from gasp_core.rendering.field_rays import field_distances
 from gasp_core.stepping.rigid_motion import pose_of
 
 __all__ = ["LIGHT", "Hit", "draw_scenery", "nearest_hits"]
@@ -154,13 +155,15 @@ def _distances(collider: Collider, origin: Array, rays: Array) -> Array:
     shape, inside = collider.shape, collider.side is Side.INSIDE
     if isinstance(shape, HalfSpace):
         return _plane(shape, origin, rays, sign=-1.0 if inside else 1.0)
+    if isinstance(shape, SignedDistanceField):
+        return field_distances(shape, origin, rays, inside=inside)
     if isinstance(shape, BoxShape):
         entry, leave = _box(shape, origin, rays)
     elif isinstance(shape, SphereShape):
         entry, leave = _sphere(shape, origin, rays)
     else:
         raise RenderingError(
-            f"a collider of kind {shape.kind} cannot be drawn: this GASP draws planes, boxes and spheres"
+            f"a collider of kind {shape.kind} cannot be drawn: this GASP draws planes, boxes, spheres and fields"
         )
     # Matter outside sees the surface where rays go in, matter inside where they go out.
     chosen = leave if inside else entry

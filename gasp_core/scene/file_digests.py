@@ -19,9 +19,11 @@ def file_digest(path: Path) -> str:
     Raises
     ------
     SceneError
-        Where it cannot be read.
+        Where it is not there, or cannot be read.
     """
     digest = hashlib.sha256()
+    if not path.exists():
+        raise SceneError(f"{shown(path)}: there is no such file")
     try:
         add_content(digest, whole(path), named=False)
     except OSError as error:

@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import gasp_core as gasp
@@ -10,12 +11,14 @@ from gasp_core.errors import RecordingError, RenderingError, SplatFormatError
 from gasp_core.recording import Recording
 from gasp_core.recording.nodes import sealed
 from gasp_core.rendering.camera import look_at
-from gasp_core.rendering.footage import RecordedFootage, open_footage
+from gasp_core.rendering.footage import RecordedFootage, SceneFootage, open_footage
 from gasp_core.rendering.forecast import Forecast
 from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.live import LiveFilm
 from gasp_core.rendering.painting import FramePainter, parse_background, to_bytes
+from gasp_core.rendering.scenery import nearest_hits
 from gasp_core.rendering.viewpoints import read_choice
+from gasp_core.scene.file_shapes import MeshShape
 
 SIZE = (96, 64)
 
@@ -336,3 +339,18 @@ def test_what_is_held_is_expected_to_stay_or_to_be_led(recording, falling_scene)
     moved = flown(recording, dataclasses.replace(falling_scene, drives=(led,)))
     # Led for half of the time, then let go.
     assert moved[1] == pytest.approx(0.24) and moved[2] == pytest.approx(-0.5 * 9.81 * 0.12 * 0.13, rel=1e-6)
+
+
+def test_a_collider_of_a_file_is_drawn_and_left_out_where_the_file_is_gone(falling_scene, tmp_path, caplog):
+    box = tmp_path / "box.ply"
+    trimesh.creation.box(extents=(0.4, 0.4, 0.2)).export(box)
+    shape = MeshShape(file=box, up="+z", position=(0, 0, 0))
+    scene = dataclasses.replace(falling_scene, colliders=(gasp.Collider(shape=shape),))
+    (drawn,) = SceneFootage(scene, tmp_path).colliders
+    eye = np.array([0.0, 0.0, 3.0])
+    hit = nearest_hits([drawn], eye, np.array([[0.0, 0.0, -1.0], [0.3, 0.0, -1.0]])).depth
+    # The box stands on the floor; its field has 96 cells along it, whose corners are rounded, not its faces.
+    assert hit == pytest.approx([2.8, np.inf], abs=0.4 / 96)
+    box.unlink()
+    assert SceneFootage(scene, tmp_path).colliders == ()
+    assert "collider 1 is not drawn" in caplog.text and "no such file" in caplog.text

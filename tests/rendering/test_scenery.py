@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gasp_core import BoxShape, Collider, HalfSpace, Side, SphereShape
-from gasp_core.contract import SteadyMotion
+from gasp_core.contract import SignedDistanceField, SteadyMotion
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.contract import Picture
@@ -17,6 +17,10 @@ from gasp_core.rendering.shadows import Lamp, ShadowedScenery
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
 BALL = Collider(shape=SphereShape(center=(0, 0, 1), radius=0.5))
 BOX = Collider(shape=BoxShape(center=(0, 0, 1), half_extents=(0.5, 0.4, 0.3)))
+
+
+TUBE = SignedDistanceField.sampled(SphereShape(center=(0, 0, 1), radius=0.5), (-0.3, -0.6, 0.3), (0.6, 0.6, 1.6), 0.06)
+"""Of a ball, with a face where the box that it was looked for in ends."""
 
 
 def camera(eye=(0, -4, 1), target=(0, 0, 1), width=64, height=48, **options):
@@ -51,6 +55,32 @@ def test_a_ray_ends_on_the_surface_and_nowhere_before(eye, toward, shape, side):
         # From where matter may be, nothing solid is on the way to the hit (or for ever).
         steps = np.linspace(0, min(depth, 50.0), 200)[:, None]
         assert (sign * shape.signed_distance(origin + steps * ray) > -1e-6).all()
+
+
+@given(eye=vectors, toward=vectors, side=st.sampled_from(Side))
+@settings(max_examples=300)
+def test_a_ray_ends_on_the_surface_of_a_field(eye, toward, side):
+    """To a few thousandths of a spacing; on the way there is nothing that is deeper than a tenth of one."""
+    if np.linalg.norm(toward) < 0.1:
+        return
+    origin, ray = np.array(eye), np.array([toward])
+    depth = nearest_hits([Collider(shape=TUBE, side=side)], origin, ray).depth[0]
+    sign = 1 if side is Side.OUTSIDE else -1
+    if np.isfinite(depth):
+        assert abs(TUBE.signed_distance(origin + depth * ray)[0]) < 5e-3 * TUBE.spacing
+    if sign * TUBE.signed_distance(origin[None])[0] > 0:
+        steps = np.linspace(0, min(depth, 50.0), 400)[:, None]
+        assert (sign * TUBE.signed_distance(origin + steps * ray) > -0.1 * TUBE.spacing).all()
+
+
+def test_a_field_is_seen_from_where_matter_may_be():
+    """Into a container through its near wall; a ray beside it meets nothing."""
+    rays = np.array([[0.0, 1, 0], [0.0, 1, 0.5]])
+    outside = nearest_hits([Collider(shape=TUBE)], np.array([0.0, -4, 1]), rays).depth
+    inside = nearest_hits([Collider(shape=TUBE, side=Side.INSIDE)], np.array([0.0, -4, 1]), rays).depth
+    # The trilinear ball is off by h^2 / 8 R.
+    assert outside == pytest.approx([3.5, np.inf], abs=2e-3)
+    assert inside == pytest.approx([4.5, np.inf], abs=2e-3)
 
 
 def test_the_nearest_of_several_is_met():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +12,14 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, RigidMotion, Side, SphereShape
+from gasp_core.contract import BoxShape, Collider, HalfSpace, RigidMotion, Side, SignedDistanceField, SphereShape
 from gasp_core.errors import RenderingError
 from gasp_core.gaussians import rotation_quaternions
 from gasp_core.stepping.rigid_motion import Pose, pose_of
 from gasp_viewer.colouring import round_up
 from gasp_viewer.display_units import SIZE, Stage
 
-__all__ = ["Mover", "add_scenery", "box_edges", "grid_cell", "plane_pose", "pose_on_stage"]
+__all__ = ["Mover", "add_scenery", "box_edges", "grid_cell", "plane_pose", "pose_on_stage", "surface_of"]
 
 Array = NDArray[Any]
 
@@ -87,6 +88,17 @@ def add_scenery(scene: viser.SceneApi, colliders: Sequence[Collider], stage: Sta
                     cast_shadow=False,
                     receive_shadow=False,
                 )
+            case SignedDistanceField() as field:
+                vertices, faces = surface_of(field)
+                scene.add_mesh_simple(
+                    name,
+                    vertices=stage.place(vertices).astype(np.float32),
+                    faces=faces,
+                    color=_EDGE if contains else _SOLID,
+                    wireframe=contains,
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
             case _:
                 raise RenderingError(f"a collider of kind {collider.shape.kind} cannot be shown")
     return movers
@@ -115,6 +127,14 @@ def box_edges(box: BoxShape) -> Array:
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     pairs = [(a, b) for a, b in itertools.combinations(range(8), 2) if np.abs(corners[a] - corners[b]).sum() == 2]
     return np.asarray(box.center) + corners[np.array(pairs)] * np.asarray(box.half_extents)
+
+
+def surface_of(field: SignedDistanceField) -> tuple[Array, Array]:
+    """Vertices (V, 3) [m] and triangles (F, 3), facing out, of where a field is zero."""
+    # It takes half a second to import, and few scenes need it.
+    measure: Any = importlib.import_module("skimage.measure")
+    vertices, faces, _, _ = measure.marching_cubes(field.values.copy(), 0.0, spacing=(field.spacing,) * 3)
+    return vertices + np.asarray(field.origin), faces.astype(np.uint32)
 
 
 def _add_plane(scene: viser.SceneApi, name: str, plane: HalfSpace, stage: Stage, contains: bool) -> None:

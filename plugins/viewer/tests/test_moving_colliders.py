@@ -1,13 +1,13 @@
-"""Colliders that move, on the stage."""
+"""Colliders on the stage: those that move, and those without a formula."""
 
 from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from gasp_viewer.display_units import Stage
-from gasp_viewer.scenery import add_scenery, pose_on_stage
+from gasp_viewer.scenery import add_scenery, pose_on_stage, surface_of
 
-from gasp_core.contract import BoxShape, Collider, SphereShape, SteadyMotion
+from gasp_core.contract import BoxShape, Collider, SignedDistanceField, SphereShape, SteadyMotion
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.stepping.rigid_motion import pose_of
 
@@ -37,3 +37,18 @@ def test_only_what_moves_hangs_in_a_frame():
     position, quaternion = pose_on_stage(pose_of(MOTION, 2.0), STAGE)
     np.testing.assert_array_equal(mover.handle.position, position)
     np.testing.assert_array_equal(mover.handle.wxyz, quaternion)
+
+
+def test_a_field_is_shown_by_its_surface_which_faces_out():
+    ball = SphereShape(center=(0.3, -0.2, 0.5), radius=0.4)
+    field = SignedDistanceField.sampled(ball, (-0.1, -0.6, 0.1), (0.7, 0.2, 0.9), 0.05)
+    scene = MagicMock()
+    add_scenery(scene, [Collider(shape=field)], STAGE)
+    assert scene.add_mesh_simple.call_args.args == ("/colliders/0",)
+    shown = scene.add_mesh_simple.call_args.kwargs["vertices"] / STAGE.unit
+    # Trilinear, of distances to a ball: off by h^2 / 8 R at most, and no more off than that in its box's field.
+    assert np.abs(np.linalg.norm(shown, axis=1) - 0.4).max() < 0.05**2 / (8 * 0.4) * 3
+    vertices, faces = surface_of(field)
+    one, two, three = (vertices[faces[:, k]] for k in range(3))
+    volume = np.einsum("fi,fi->f", one, np.cross(two, three)).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * 0.4**3, rel=0.02)
