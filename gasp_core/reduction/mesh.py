@@ -176,7 +176,7 @@ def sample_mesh(block: Block, mesh: PlacedMesh, spacing: float, name: str, known
         carrier=carrier,
         bounds=bounds_of(points),
         notes=tuple(_notes(mesh, carrier, float(volumes.sum()), spacing, off)),
-        faces=None if len(inside) else mesh.faces,
+        faces=mesh.faces if mesh.is_sheet and not len(inside) else None,
     )
 
 

@@ -21,7 +21,7 @@ from gasp_core.recording import Recording
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
-from gasp_core.scene.file_shapes import resolved
+from gasp_core.scene.file_shapes import SplatShape, resolved
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
 from gasp_core.scene.named_code import without_code
@@ -37,6 +37,8 @@ Array = NDArray[Any]
 
 _LOG = logging.getLogger(__name__)
 
+_PLACED = ("splat", "up", "height", "metres_per_unit", "position", "rotation")
+"""By which an object and a splat that is a collider are one thing."""
 _BACKDROP = 3.0
 """Times the size of what moves, from which on an object that stands still is what it moves before."""
 
@@ -242,10 +244,18 @@ class SceneFootage:
         self.path = path
         self.scene = scene
         self.frame_rate = scene.frame_rate
-        self.colliders = _drawable(scene)
         self.camera = scene.camera
         self._placed: PlacedScene = place_scene(without_code(scene))
         self._gaussians = self._placed.gaussians
+
+    @property
+    def colliders(self) -> tuple[Collider, ...]:
+        """Those that can be drawn."""
+        return self._colliders
+
+    @cached_property
+    def _colliders(self) -> tuple[Collider, ...]:
+        return _drawable(self.scene)
 
     def splats(self, frame: int) -> RenderInput:
         """All objects."""
@@ -315,9 +325,13 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
 
 
 def _drawable(scene: Scene) -> tuple[Collider, ...]:
-    """The colliders of a scene; without those whose file is no longer there, which is said."""
+    """The colliders of a scene, without splats that are objects too, and those whose file is gone, which is said."""
+    seen = [tuple(getattr(item, name) for name in _PLACED) for item in scene.objects]
     found: list[Collider] = []
     for number, one in enumerate(scene.colliders, start=1):
+        shape = one.shape
+        if isinstance(shape, SplatShape) and (shape.file, *(getattr(shape, name) for name in _PLACED[1:])) in seen:
+            continue
         try:
             found.append(resolved(one))
         except (GaspError, OSError) as error:

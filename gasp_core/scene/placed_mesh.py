@@ -48,6 +48,16 @@ class PlacedMesh:
     filled: bool
 
     @property
+    def is_sheet(self) -> bool:
+        """Whether it is open, or encloses next to nothing."""
+        return self.open_edges > 0 or self.encloses_nothing
+
+    @property
+    def encloses_nothing(self) -> bool:
+        """Whether its volume is next to none."""
+        return self.volume < _HOLLOW * self.area * float(np.ptp(self.vertices, axis=0).max())
+
+    @property
     def area(self) -> float:
         """Of all faces [m^2]."""
         return float(face_areas(self.vertices, self.faces).sum())
@@ -85,7 +95,7 @@ def mesh_of(placed: PlacedObject) -> PlacedMesh:
         open_edges=open_edges,
         filled=reduction.points == "filled" or (reduction.points is None and open_edges == 0),
     )
-    if found.filled and found.volume < _HOLLOW * found.area * float(np.ptp(found.vertices, axis=0).max()):
+    if found.filled and found.encloses_nothing:
         if reduction.points == "filled":
             raise SceneError(
                 f'object "{placed.item.name}": {shown(reduction.mesh)} encloses next to nothing: say'

@@ -44,11 +44,23 @@ def body_faces(problem: PointProblem) -> dict[int, Array]:
     Raises
     ------
     SceneError
-        Where a face has corners that are not points of its body.
+        Where a face has corners that are not three points of its body, a point of it is in no face, or a body has two
+        such hints.
     """
-    found = {hint.body: hint.faces for hint in problem.hints if isinstance(hint, BodyFaces)}
+    found: dict[int, Array] = {}
     ids = problem.points.body_ids
-    for body, faces in found.items():
+    for hint in problem.hints:
+        if not isinstance(hint, BodyFaces):
+            continue
+        body, faces = hint.body, hint.faces
+        if body in found:
+            raise SceneError(f"body {body} has two BodyFaces: join them")
         if faces.size and (faces.min() < 0 or faces.max() >= len(ids) or (ids[faces] != body).any()):
             raise SceneError(f"BodyFaces of body {body} have corners that are no points of it")
+        if (faces == np.roll(faces, 1, axis=1)).any():
+            raise SceneError(f"BodyFaces of body {body} have faces of fewer than three corners")
+        alone = np.setdiff1d(np.flatnonzero(ids == body), faces)
+        if len(alone):
+            raise SceneError(f"BodyFaces of body {body}: {len(alone)} of its points are in no face, first {alone[0]}")
+        found[body] = faces
     return found

@@ -23,7 +23,7 @@ HOLDS_NOTHING = (
     "what is driven holds no node of its body's cage, and takes nothing along: make it larger than a cell, or cells"
     " smaller"
 )
-"""What a user is told where `LedCage.nodes` is empty."""
+"""What a user is told where `LedCage.holds_nothing`."""
 _TOUCH = 2e-3
 """In cells: a node on the boundary itself is led, whichever way its place was rounded."""
 _AROUND = 8
@@ -99,6 +99,10 @@ class LedCage:
             sheets=sheets,
             above=_summed(node, sheet, heights, (len(held), len(sheets.rows))),
         )
+
+    def holds_nothing(self, bodies: Array) -> bool:
+        """Whether a body is led, of those of all nodes (M,), of which no node is."""
+        return bool(np.setdiff1d(np.intersect1d(self.points.bodies, bodies), bodies[self.nodes]).size)
 
     def positions(self, time: float) -> Array:
         """Of the nodes at a time [s], (L, 3) [m]."""

@@ -148,6 +148,9 @@ def test_a_closed_mesh_has_the_mass_of_what_it_encloses(scene_of, cloud, file_of
     assert (assembly.problem.points.reference_volumes > 0).all()
     assert f"{len(mesh.vertices):,} vertices of its mesh and" in assembly.bodies[0].notes[0]
     assert not body_faces(assembly.problem)
+    hollow = Reduction(mode="mesh", mesh=file_of(mesh), points="vertices")
+    shell = prepare(scene_of(splat_on(mesh), reduction=hollow, accuracy=COARSE)).assembly
+    assert len(shell.problem.points) == len(mesh.vertices) and not body_faces(shell.problem)
 
 
 def test_an_open_mesh_is_a_sheet(scene_of, file_of):

@@ -90,7 +90,8 @@ def test_a_ball_lands_on_the_floor_and_stays_whole(engine, ball, tmp_path):
     assert last.means[:, 2].min() > -1.5 * spacing
     assert np.ptp(last.means, axis=0).max() < 1.3 * SIZE
     assert np.isfinite(last.covariances()).all()
-    assert centre(run, run.frame_count - 1)[2] < centre(run, 0)[2] - 0.02
+    # It may have bounced since.
+    assert min(centre(run, frame)[2] for frame in range(run.frame_count)) < centre(run, 0)[2] - 0.02
 
 
 @pytest.mark.parametrize("name", MATERIALS)

@@ -37,7 +37,7 @@ _NEAR = 1e-6
 
 
 class Elastic:
-    """All elastic bodies of a problem.
+    """Elastic bodies of a problem that are one object of Blender's.
 
     Parameters
     ----------
@@ -49,6 +49,8 @@ class Elastic:
         Length of a voxel [m].
     turbulence
         Root mean square acceleration [m/s^2], length [m] and seed; None for still air.
+    name
+        Before the names of what a checkpoint keeps of them.
     """
 
     def __init__(
@@ -58,8 +60,11 @@ class Elastic:
         struck: Struck,
         spacing: float,
         turbulence: tuple[float, float, int] | None = None,
+        *,
+        name: str = "",
     ) -> None:
         self._problem = problem
+        self._name = name
         self._matter = matter
         self._struck = struck
         nodes = matter.cage.nodes
@@ -115,7 +120,7 @@ class Elastic:
         self._grips = np.full((len(problem.drives), len(nodes), 3), np.nan)
         owners = np.unique(problem.points.body_ids[matter.rows])[matter.bodies]
         self._led = LedCage.of(problem, nodes, owners, spacing)
-        if self._led is not None and not len(self._led.nodes):
+        if self._led is not None and self._led.holds_nothing(owners):
             self.told = [*self.told, HOLDS_NOTHING]
         self._constrain(0.0, 0.0)
 
@@ -155,7 +160,7 @@ class Elastic:
     def keep(self) -> dict[str, Array]:
         """Everything that changes."""
         meeting = {} if self._meeting is None else {"faces": self._meeting.faces.copy()}
-        return meeting | {
+        kept = meeting | {
             "state": self._state.copy(),
             "origins": self._frames.places.copy(),
             "drifts": self._frames.velocities.copy(),
@@ -164,6 +169,7 @@ class Elastic:
             "depths": self._bonds.depths.copy(),
             "grips": self._grips.copy(),
         }
+        return {self._name + name: array for name, array in kept.items()}
 
     def restore(self, kept: Mapping[str, Array]) -> None:
         """Go on from what `keep` gave.
@@ -174,7 +180,8 @@ class Elastic:
             Where it is of another scene.
         """
         expected = {name: np.shape(array) for name, array in self.keep().items()}
-        arrays = checkpoint_arrays(kept, expected, "blender", may_be_nan=("grips",))
+        found = checkpoint_arrays(kept, expected, "blender", may_be_nan=(self._name + "grips",))
+        arrays = {name.removeprefix(self._name): array for name, array in found.items()}
         self._state = arrays["state"].astype(np.float32)
         if self._meeting is not None:
             self._meeting.faces = arrays["faces"].astype(np.int8)

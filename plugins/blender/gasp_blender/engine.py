@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -60,15 +60,15 @@ class Blender:
         spacing = accuracy.spacing_for(problem.points.size)
         rows = rigid_rows(problem)
         build = cloth_matter if chosen.elastic == "cloth" else elastic_matter
-        matter = build(problem, spacing, chosen.voxels)
-        told = [*notices(problem, matter, spacing, chosen.voxels)]
-        longest = _longest_step(matter, len(rows) > 0, accuracy)
+        matters = build(problem, spacing, chosen.voxels)
+        told = [*notices(problem, matters, spacing, chosen.voxels)]
+        longest = _longest_step(matters, len(rows) > 0, accuracy)
         parts: list[tuple[Array, Elastic | RigidBodies]] = []
         struck = Struck(problem)
         try:
-            if matter is not None:
-                gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
-                elastic = Elastic(problem, matter, struck, spacing, gusts)
+            gusts = (chosen.turbulence, chosen.turbulence_size, seed) if chosen.turbulence else None
+            for number, matter in enumerate(matters):
+                elastic = Elastic(problem, matter, struck, spacing, gusts, name=f"{number}." if number else "")
                 parts.append((matter.rows, elastic))
                 told += elastic.told
             if len(rows):
@@ -84,9 +84,9 @@ class Blender:
         return BlenderSession(problem, parts, longest, accuracy, time, told)
 
 
-def _longest_step(matter: Matter | None, rigid: bool, accuracy: EngineAccuracy) -> float:
+def _longest_step(matters: Sequence[Matter], rigid: bool, accuracy: EngineAccuracy) -> float:
     """Largest substep [s]."""
-    bound = math.inf if matter is None else matter.stable_step
+    bound = min((matter.stable_step for matter in matters), default=math.inf)
     if accuracy.substep is not None:
         if accuracy.substep > bound:
             raise SceneError(

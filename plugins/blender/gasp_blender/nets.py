@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_blender.cage import Cage, scatter
-from gasp_blender.net_stiffness import sheet_stiffness
 from gasp_blender.sheet import build_sheet, net_edges
-from gasp_blender.spring_model import Matter, half_side, joined
+from gasp_blender.spring_model import Matter, elastic_rows, half_side
 from gasp_core.contract import PointProblem
 from gasp_core.errors import SceneError
 from gasp_core.stepping.body_faces import body_faces
@@ -23,23 +22,24 @@ CLOTH_STEP = 1 / 12
 """Of cloth [s], which is stepped implicitly and bears any: a longer one flies past what it should touch."""
 
 
-def cloth_matter(problem: PointProblem, spacing: float, most_quads: int) -> Matter | None:
-    """All bodies of elastic material as nets of cloth; None where there are none.
+def cloth_matter(problem: PointProblem, spacing: float, most_quads: int) -> list[Matter]:
+    """Each body of elastic material as a net of cloth.
 
     Raises
     ------
     SceneError
-        Where a body has no faces and is no sheet, or bodies are of different materials.
+        Where a body has no faces and is no sheet, or parts of different materials.
     """
     faces = body_faces(problem)
-
-    def net(rows: Array) -> Matter:
-        if len({problem.materials[number] for number in problem.points.material_ids}) > 1:
-            raise SceneError("blender's cloth has one material in a scene: simulate them apart, or use elastic = cage")
+    found: list[Matter] = []
+    for rows in elastic_rows(problem):
         own = faces.get(int(problem.points.body_ids[rows[0]]))
-        return _of_quads(problem, rows, spacing, most_quads) if own is None else _of_faces(problem, rows, own)
-
-    return joined(problem, net)
+        # Of a body that is rigid in part they are not those of a net.
+        if own is None or not np.isin(own, rows).all():
+            found.append(_of_quads(problem, rows, spacing, most_quads))
+        else:
+            found.append(_of_faces(problem, rows, own))
+    return found
 
 
 def _of_faces(problem: PointProblem, rows: Array, faces: Array) -> Matter:
@@ -60,11 +60,18 @@ def _of_faces(problem: PointProblem, rows: Array, faces: Array) -> Matter:
         coarseness=1.0,
     )
     edges = net_edges(net.voxels)
-    length = float(np.linalg.norm(positions[edges[:, 1]] - positions[edges[:, 0]], axis=1).mean())
+    lengths = np.linalg.norm(positions[edges[:, 1]] - positions[edges[:, 0]], axis=1)
     one, other = (positions[own[:, k]] - positions[own[:, 0]] for k in (1, 2))
     area = float(np.linalg.norm(np.cross(one, other), axis=1).sum()) / 2
-    # Blender divides by the mean length what a spring bears at a strain of one.
-    return _net(problem, rows, net, edges, area, length / sheet_stiffness(positions, own, edges))
+    if not area > 0:
+        raise SceneError(
+            f"the faces of body {int(problem.points.body_ids[rows[0]])} have no area: nothing is cloth there"
+        )
+    # Vertices of Blender's cloth have one mass: with it, an impulse moves all of them alike.
+    masses = np.full(count, problem.masses[rows].mean())
+    # And what a spring bears at a strain of one, it divides by the mean length.
+    share = 3 * area * float(lengths.mean()) / float(lengths @ lengths)
+    return _net(problem, rows, net, edges, area, share, masses)
 
 
 def _of_quads(problem: PointProblem, rows: Array, spacing: float, most_quads: int) -> Matter:
@@ -81,15 +88,26 @@ def _of_quads(problem: PointProblem, rows: Array, spacing: float, most_quads: in
     edges = net_edges(net.voxels)
     length = float(np.linalg.norm(net.nodes[edges[:, 1]] - net.nodes[edges[:, 0]], axis=1).mean())
     area = float(volumes.sum()) / thickness
-    return _net(problem, rows, net, edges, area, 0.75 * length)
+    return _net(problem, rows, net, edges, area, 0.75 * length, problem.masses[rows])
 
 
-def _net(problem: PointProblem, rows: Array, net: Cage, edges: Array, area: float, share: float) -> Matter:
-    """A net of this area [m^2]; a spring bears `share` [m] times Young's modulus and thickness at a strain of one."""
+def _net(
+    problem: PointProblem, rows: Array, net: Cage, edges: Array, area: float, share: float, masses: Array
+) -> Matter:
+    """A net of this area [m^2] for points of these masses (N,) [kg].
+
+    A spring bears `share` [m] times Young's modulus and thickness at a strain of one.
+    """
     points = problem.points
-    modulus = getattr(problem.materials[points.material_ids[rows[0]]], "youngs_modulus", 0.0)
+    kinds = np.unique(points.material_ids[rows])
+    if len(kinds) > 1:
+        body = int(points.body_ids[rows[0]])
+        raise SceneError(
+            f"blender's cloth is of one material, and body {body} of {len(kinds)}: simulate them apart, or use"
+            " elastic = cage"
+        )
+    modulus = getattr(problem.materials[kinds[0]], "youngs_modulus", 0.0)
     thickness = float(points.reference_volumes[rows].sum()) / area
-    masses = problem.masses[rows]
     count = len(net.nodes)
     return Matter(
         rows=rows,

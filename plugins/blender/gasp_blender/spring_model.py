@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from gasp_blender.springs import fastest_pulse, node_weights, spring_edges, spri
 from gasp_core.contract import Elastic, PointProblem
 from gasp_core.errors import SceneError
 
-__all__ = ["Matter", "connected", "elastic_matter", "half_side", "joined", "node_velocities"]
+__all__ = ["Matter", "connected", "elastic_matter", "elastic_rows", "half_side", "node_velocities"]
 
 Array = NDArray[Any]
 
@@ -72,19 +72,22 @@ class Matter:
     is_cloth: bool = False
 
 
-def elastic_matter(problem: PointProblem, spacing: float, most_voxels: int) -> Matter | None:
-    """All bodies of elastic material in cages; None where there are none."""
-    return joined(problem, lambda rows: _one_body(problem, rows, spacing, most_voxels))
+def elastic_matter(problem: PointProblem, spacing: float, most_voxels: int) -> list[Matter]:
+    """All bodies of elastic material in cages, as one; none where there are none."""
+    parts = [_one_body(problem, rows, spacing, most_voxels) for rows in elastic_rows(problem)]
+    return [_joined(parts)] if parts else []
 
 
-def joined(problem: PointProblem, build: Callable[[Array], Matter]) -> Matter | None:
-    """What `build` makes of the rows of each elastic body, side by side; None where there are none."""
+def elastic_rows(problem: PointProblem) -> list[Array]:
+    """Rows of the points of each body of elastic material."""
     kinds = np.array([isinstance(material, Elastic) for material in problem.materials])
     chosen = np.flatnonzero(kinds[problem.points.material_ids])
-    if len(chosen) == 0:
-        return None
     bodies = problem.points.body_ids[chosen]
-    parts = [build(chosen[bodies == body]) for body in np.unique(bodies)]
+    return [chosen[bodies == body] for body in np.unique(bodies)]
+
+
+def _joined(parts: Sequence[Matter]) -> Matter:
+    """Bodies side by side."""
     starts = np.cumsum([0] + [len(part.masses) for part in parts])
     cage = Cage(
         nodes=np.concatenate([part.cage.nodes for part in parts]),

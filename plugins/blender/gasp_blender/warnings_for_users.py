@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,23 +12,24 @@ from gasp_core.contract import PointProblem
 __all__ = ["notices"]
 
 
-def notices(problem: PointProblem, matter: Matter | None, spacing: float, most_voxels: int) -> Iterator[str]:
+def notices(problem: PointProblem, matters: Sequence[Matter], spacing: float, most_voxels: int) -> Iterator[str]:
     """One line each.
 
     Parameters
     ----------
-    matter
-        Of the elastic bodies; None where there are none.
+    matters
+        Of the elastic bodies.
     spacing
         Voxel size asked for [m].
     most_voxels
         In the cage of a body.
     """
-    if matter is None:
+    if not matters:
         return
-    if matter.cage.coarseness > 1:
+    coarseness = max(matter.cage.coarseness for matter in matters)
+    if coarseness > 1:
         yield (
-            f"a cage has voxels of {matter.cage.coarseness * spacing:.3g} m instead of the {spacing:.3g} m of the"
+            f"a cage has voxels of {coarseness * spacing:.3g} m instead of the {spacing:.3g} m of the"
             f" resolution, as it may have {most_voxels}: raise the option voxels, or lower the resolution"
         )
     kinds = {type(problem.materials[number]) for number in np.unique(problem.points.material_ids)}
@@ -37,5 +38,5 @@ def notices(problem: PointProblem, matter: Matter | None, spacing: float, most_v
             "blender's elastic bodies and its rigid ones pass through each other: keep them apart, make all of one"
             " kind, or use another engine"
         )
-    if matter.is_cloth and matter.bodies.max() > 0:
+    if matters[0].is_cloth and len(matters) > 1:
         yield "sheets of blender's cloth pass through each other: keep them apart, or use elastic = cage"

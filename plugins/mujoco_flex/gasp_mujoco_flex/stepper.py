@@ -56,7 +56,8 @@ class Motion:
         self._stuck = np.zeros(model.nodes, dtype=bool)
         self._stuck_bodies = np.zeros(len(model.bodies), dtype=bool)
         self._sticky = any(one.contact is ContactCondition.STICK for one in problem.colliders)
-        self.led = _led_nodes(problem, model, self._state.rest)
+        owners = _owners(problem, model)
+        self.led = _led_nodes(problem, model, self._state.rest, owners)
         """What takes nodes along."""
         model.mj.opt.tolerance = accuracy.solver_tolerance * (_FACTORED if model.factored else _ITERATED)
         if accuracy.iteration_limit is not None:
@@ -73,7 +74,7 @@ class Motion:
         self._radii = [float(np.linalg.norm(body.arms, axis=1).max()) for body in model.bodies]
         self._holding = False
         self._idle: list[str] = []
-        if self.led is not None and not len(self.led.nodes):
+        if self.led is not None and self.led.holds_nothing(owners):
             self._idle.append(HOLDS_NOTHING)
         self._begun = False
 
@@ -301,8 +302,13 @@ class Motion:
         self._begun = bool(checkpoint["begun"])
 
 
-def _led_nodes(problem: PointProblem, model: Model, places: Array) -> LedCage | None:
-    """What takes nodes along, which begin at places (M, 3) [m]; None where nothing does."""
+def _owners(problem: PointProblem, model: Model) -> Array:
+    """The bodies (M,) of the nodes of all cages."""
     bodies = [np.full(len(cage.masses), problem.points.body_ids[cage.matter.rows[0]]) for cage in model.cages]
+    return np.concatenate([np.zeros(0), *bodies])
+
+
+def _led_nodes(problem: PointProblem, model: Model, places: Array, owners: Array) -> LedCage | None:
+    """What takes nodes along, which begin at places (M, 3) [m], of bodies (M,); None where nothing does."""
     side = min((float(cage.grid.sides.min()) for cage in model.cages), default=0.0)
-    return LedCage.of(problem, places, np.concatenate([np.zeros(0), *bodies]), side)
+    return LedCage.of(problem, places, owners, side)

@@ -29,6 +29,8 @@ _PLANE = (232, 234, 237)
 _AMBIENT = 1.5
 """With viser's own lights: faces have about the colours of the legend, and solids still have a shape."""
 _PLANE_SIZE = 6 * SIZE
+_MOST_CELLS = 128
+"""Along a surface that a field describes: a page gets some 100,000 triangles of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +135,10 @@ def surface_of(field: SignedDistanceField) -> tuple[Array, Array]:
     """Vertices (V, 3) [m] and triangles (F, 3), facing out, of where a field is zero."""
     # It takes half a second to import, and few scenes need it.
     measure: Any = importlib.import_module("skimage.measure")
-    vertices, faces, _, _ = measure.marching_cubes(field.values.copy(), 0.0, spacing=(field.spacing,) * 3)
+    step = -(-max(field.values.shape) // _MOST_CELLS)
+    vertices, faces, _, _ = measure.marching_cubes(
+        field.values.copy(), 0.0, spacing=(field.spacing,) * 3, step_size=step
+    )
     return vertices + np.asarray(field.origin), faces.astype(np.uint32)
 
 
