@@ -30,6 +30,7 @@ from gasp_core.errors import RecordingError, SceneError, SplatFormatError
 from gasp_core.gaussians import rotation_matrices
 from gasp_core.io import write_splat
 from gasp_core.io.mesh_splats import splat_of_mesh
+from gasp_core.io.meshes import face_areas
 from gasp_core.io.painted_meshes import PaintedMesh
 from gasp_core.recording.verifying import verify
 from gasp_core.reduction.mesh import OnFaces
@@ -163,9 +164,8 @@ def test_an_open_mesh_is_a_sheet(scene_of, file_of):
     assert "a sheet" in assembly.bodies[0].notes[0]
     # Engines that step cloth are told its faces, as those of the points that they are given.
     faces = body_faces(assembly.problem)[0]
-    corners = assembly.problem.points.reference_positions[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
     placed = assembly.problem.points.reference_positions
+    area = face_areas(placed, faces).sum()
     assert len(faces) == len(sheet.faces)
     assert area == pytest.approx(np.ptp(placed[:, 0]) * np.ptp(placed[:, 1]), rel=1e-9)
     with pytest.raises(SceneError, match="encloses next to nothing"):

@@ -87,7 +87,7 @@ def elastic_rows(problem: PointProblem) -> list[Array]:
 
 
 def _joined(parts: Sequence[Matter]) -> Matter:
-    """Bodies side by side."""
+    """Bodies in cages, side by side."""
     starts = np.cumsum([0] + [len(part.masses) for part in parts])
     cage = Cage(
         nodes=np.concatenate([part.cage.nodes for part in parts]),
@@ -110,7 +110,6 @@ def _joined(parts: Sequence[Matter]) -> Matter:
         stable_step=min(part.stable_step for part in parts),
         weights=np.concatenate([part.weights for part in parts]),
         sizes=np.concatenate([part.sizes for part in parts]),
-        is_cloth=parts[0].is_cloth,
     )
 
 

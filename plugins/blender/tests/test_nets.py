@@ -9,6 +9,7 @@ import pytest
 
 from gasp_core.contract import BoxShape, Collider, Field, HalfSpace, Impulse, Pinned, PointCloud, PointProblem
 from gasp_core.errors import SceneError
+from gasp_core.io.meshes import face_areas
 from gasp_core.stepping.body_faces import BodyFaces
 
 FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
@@ -35,8 +36,7 @@ def places_of_the_edge(faces):
 
 
 def sheet(kit, places, faces, thickness, **scene):
-    one, other = (places[faces[:, k]] - places[faces[:, 0]] for k in (1, 2))
-    area = np.linalg.norm(np.cross(one, other), axis=1).sum() / 2
+    area = face_areas(places, faces).sum()
     # The kit's points stand for the cubes of half a spacing.
     spacing = 2 * float(np.cbrt(area * thickness / len(places)))
     return kit.problem(places, spacing, hints=(BodyFaces(body=0, faces=faces),), **scene)
@@ -45,17 +45,16 @@ def sheet(kit, places, faces, thickness, **scene):
 def swing(kit, places, *nets):
     """Half of how far the lower ends of strips [m] swing down, of which each is one body's rows and faces."""
     gravity = 0.02
-    masses = np.zeros(len(places))
+    volumes = np.zeros(len(places))
     hints, bodies = [], np.zeros(len(places))
     for number, (rows, faces) in enumerate(nets):
-        one, other = (places[faces[:, k]] - places[faces[:, 0]] for k in (1, 2))
-        masses[rows] = np.linalg.norm(np.cross(one, other), axis=1).sum() / 2 * 0.01 / len(rows)
+        volumes[rows] = face_areas(places, faces).sum() * 0.01 / len(rows)
         bodies[rows] = number
         hints.append(BodyFaces(body=number, faces=faces))
     cloud = PointCloud(
         reference_positions=places,
         initial_velocities=np.zeros_like(places),
-        reference_volumes=masses,
+        reference_volumes=volumes,
         material_ids=np.zeros(len(places)),
         body_ids=bodies,
     )
