@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Collider
-from gasp_core.stepping.flow import CROWDING_TOLERANCE, wall_share
+from gasp_core.stepping.flow import CROWDED_VOLUME_RATIO, CROWDING_TOLERANCE, wall_share
 from gasp_core.stepping.forcing import walls_of
 from gasp_core.stepping.walls import wall_distances
 from gasp_reference_mpm.material_points import Matter, Motion
@@ -72,7 +72,8 @@ def with_room(
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         seen /= wall_share(wall_distances(wall, motion.positions[rows] + origin, time) / spacing)
     excess = np.maximum(seen * volumes - 1 - CROWDING_TOLERANCE, 0.0)
-    shrinking = 1 / (1 + step * matter.crowding_decays[rows] * excess)
+    shrunk = volumes / (1 + step * matter.crowding_decays[rows] * excess)
+    roomy = np.maximum(shrunk, np.minimum(volumes, CROWDED_VOLUME_RATIO))
     deformations = motion.deformations.copy()
-    deformations[rows] *= np.cbrt(shrinking)[:, None, None]
+    deformations[rows] *= np.cbrt(roomy / volumes)[:, None, None]
     return replace(motion, deformations=deformations)

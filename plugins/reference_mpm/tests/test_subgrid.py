@@ -1,5 +1,7 @@
 """What the grid does not see: it carries no momentum and no spin, and fades by time and not by steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gasp_reference_mpm.material_points import Motion, matter_of
@@ -7,6 +9,7 @@ from gasp_reference_mpm.subgrid import subgrid_velocities, with_room
 from gasp_reference_mpm.transfer import scatter, stencil_around
 
 from gasp_core.contract import Elastic, Fluid, PointCloud, PointProblem, Sand
+from gasp_core.stepping.flow import CROWDED_VOLUME_RATIO
 from gasp_core.stepping.time_step import rest_bound
 
 SPACING = 0.1
@@ -94,3 +97,15 @@ def test_volumes_fall_where_there_is_more_water_than_room(crowd, falls):
     volumes = np.linalg.det(roomy.deformations)
     assert volumes.max() <= 1 + 1e-12
     assert (volumes.mean() < 0.99) == falls
+
+
+@pytest.mark.parametrize("start", [1.0, 0.9], ids=["as at rest", "pressed by something else"])
+def test_what_is_crowded_at_the_start_is_not_pressed_for_that_beyond_a_twentieth(start):
+    """Volume that there is no room for has no energy of its own: no more of it than this much pressure has appears."""
+    matter, motion, stencil, grid = scene(WATER, crowd=30.0)
+    motion = replace(motion, deformations=np.cbrt(start) * motion.deformations)
+    for _ in range(200):
+        motion = with_room(
+            matter, motion, stencil, grid, (), np.zeros(3), SPACING, 0.0, 0.5 * rest_bound(WATER, SPACING)
+        )
+    np.testing.assert_allclose(np.linalg.det(motion.deformations), min(start, CROWDED_VOLUME_RATIO), rtol=1e-9)

@@ -5,7 +5,7 @@ from typing import Any
 
 from gasp_mpm_host import layout as at
 
-from gasp_core.stepping.flow import CROWDING_TOLERANCE
+from gasp_core.stepping.flow import CROWDED_VOLUME_RATIO, CROWDING_TOLERANCE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.constitutive import make_response
 from gasp_taichi_mpm.contact import kept_out, open_share
@@ -132,7 +132,9 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                         volume = S[3] * materials[row + at.FULLNESS] * (1.0 + ti.cast(history, ti.f64))
                         excess = volume / open_share(true, forcing, fields, control, drive_set) - 1.0
                         shrinking = ti.cast(crowding * ti.max(excess - ti.f64(CROWDING_TOLERANCE), 0.0), real)
-                        history -= (1 + history) * shrinking / (1 + shrinking)
+                        shrunk = history - (1 + history) * shrinking / (1 + shrinking)
+                        least = ti.cast(CROWDED_VOLUME_RATIO - 1, real)
+                        history = ti.max(shrunk, ti.min(history, least))
         kept = points[r + words.VELOCITY]
         # Whole rows in one go, before anything branches: what is stored as vectors of four is computed as such.
         damped = 1.0 / (1.0 + materials[row + at.MASS_DAMPING] * batch[words.STEP])

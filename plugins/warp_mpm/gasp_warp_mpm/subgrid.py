@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import warp as wp
 from gasp_mpm_host import layout as at
 
-from gasp_core.stepping.flow import CROWDING_TOLERANCE
+from gasp_core.stepping.flow import CROWDED_VOLUME_RATIO, CROWDING_TOLERANCE
 from gasp_warp_mpm.contact import open_share
 from gasp_warp_mpm.decompositions import algebra
 from gasp_warp_mpm.tables import Acting, tables_of
@@ -29,6 +29,7 @@ def make_subgrid(double: bool, averaged: bool, has_fluid: bool, *, native: bool)
     zero, one = real(0.0), real(1.0)
     wide_zero, wide_one, half = wp.float64(0.0), wp.float64(1.0), wp.float64(0.5)
     crowded = wp.float64(1 + CROWDING_TOLERANCE)
+    least = real(CROWDED_VOLUME_RATIO - 1)
 
     @wp.func
     def with_unseen(
@@ -55,7 +56,8 @@ def make_subgrid(double: bool, averaged: bool, has_fluid: bool, *, native: bool)
                 volume = wp.float64(mass) * s.materials[row + at.FULLNESS] * (wide_one + wp.float64(history))
                 excess = volume / open_share(acting, place, wall_set) - crowded
                 shrinking = real(crowding * wp.max(excess, wide_zero))
-                history = history - (one + history) * shrinking / (one + shrinking)
+                shrunk = history - (one + history) * shrinking / (one + shrinking)
+                history = wp.max(shrunk, wp.min(history, least))
         return v, C, history
 
     return SimpleNamespace(with_unseen=with_unseen)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from gasp_core.contract import Collider, Elastic, HalfSpace, Material, NeoHookean, PointState, Status, StepReport
+from gasp_core.contract import Collider, Elastic, Fluid, HalfSpace, Material, NeoHookean, PointState, Status, StepReport
+from gasp_core.stepping.flow import CROWDED_VOLUME_RATIO
 from gasp_core.stepping.time_step import rest_bound
 from gasp_mpm_host.testing.kit import FLOOR, Kit
 
@@ -147,6 +148,19 @@ class ExtremesTests:
         assert positions[:, 2].min() >= -0.1
         # No more energy than was thrown: what flies apart does so with less.
         assert (state.velocities**2).sum(axis=1).mean() <= speed**2
+
+    @pytest.mark.parametrize("precision", ["float32", "float64"])
+    def test_water_that_has_no_room_is_not_blown_apart(self, kit, precision):
+        """Points that stand for 27 times their room: a pressure of at most K/7 (.95^-7 - 1) makes it, and its work is
+        that times the volume that is wanted. Without a bound on the pressure it was 15 times as much."""
+        water = Fluid(density=1000.0, bulk_modulus=1e5)
+        problem = kit.problem(kit.block(0.4), water, velocity=(1, 0, 0), side=1.2)
+        with kit.open(problem, precision=precision, spacing=0.1) as session:
+            report = session.advance_to(0.1)
+            state = session.read(kit.everything)
+        assert report.status is Status.OK
+        pressure = water.bulk_modulus / 7 * (CROWDED_VOLUME_RATIO**-7 - 1)
+        assert 0.5 * 1000 * (state.velocities**2).sum(axis=1).mean() <= 0.5 * 1000 * 1.0**2 + pressure
 
     @pytest.mark.parametrize("precision", ["float32", "float64"])
     def test_snow_that_hardens_beyond_all_steps_ends_with_a_reason(self, kit, precision):
