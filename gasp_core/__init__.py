@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from gasp_core.moving.packing import pack
     from gasp_core.moving.reading import MovingSplat
     from gasp_core.recording import Recording
+    from gasp_core.recording.rigid_fits import RigidFit, rigid_fit
     from gasp_core.rendering.filming import render
     from gasp_core.scene import (
         Bend,
@@ -110,6 +111,7 @@ __all__ = [
     "RecordingChoice",
     "Reduction",
     "Rigid",
+    "RigidFit",
     "Sand",
     "Scene",
     "Side",
@@ -130,6 +132,7 @@ __all__ = [
     "pack",
     "read_splat",
     "render",
+    "rigid_fit",
     "scene_to_toml",
     "simulate",
     "write_splat",
@@ -148,6 +151,7 @@ _HOMES = {
     "gasp_core.moving.packing": "pack",
     "gasp_core.moving.reading": "MovingSplat",
     "gasp_core.recording": "Recording",
+    "gasp_core.recording.rigid_fits": "RigidFit rigid_fit",
     "gasp_core.rendering.filming": "render",
     "gasp_core.scene": (
         "Bend CameraChoice ContactRule DMiSoMotion EngineChoice Floaters FrameSequence MapChoice Part PlyProperty"

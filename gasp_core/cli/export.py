@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.export_motion import export_motion
 from gasp_core.cli.export_stage import export_stage, is_stage, readable
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
@@ -37,6 +38,7 @@ Examples:
   gasp export plant.gasp --all -o plant.usdc      for Omniverse, Houdini, Blender: USD with a sample a frame
   gasp export plant.gasp --all --up -y            lies as trained splats do: for SuperSplat, or a scene again
   gasp export water.gasp --all --as-drawn         for other viewers: no holes where it has flowed
+  gasp export drop.gasp --motion bear             drop_bear.csv: where the bear is and how it is turned
 """
 )
 @click.argument("run", type=RunPath())
@@ -63,17 +65,25 @@ Examples:
 @overwrite_option("files")
 @click.option("--all", "every", is_flag=True, help="Every frame.")
 @click.option(
+    "--motion",
+    "body",
+    metavar="OBJECT",
+    help="How an object moves as a whole, a line a frame: the rigid motion nearest to it, and what it is off by [m]. "
+    "The motion of a collider reads such a file.",
+)
+@click.option(
     "--out",
     "-o",
     metavar="PATH",
     type=click.Path(path_type=Path),
-    help="The file for --frame, the folder for --all. [default: named after the run, in the current folder]",
+    help="The file for --frame or --motion, the folder for --all. [default: named after the run, in this folder]",
 )
 def export(
     run: Path,
     suffix: str | None,
     frame: int | None,
     every: bool,
+    body: str | None,
     as_drawn: bool,
     up: UpAxis | None,
     overwrite: bool,
@@ -84,8 +94,8 @@ def export(
     RUN is the folder that "gasp run" wrote; a run that is not finished has the frames it has. Frames that are damaged
     are named and left out; the exit status is 1 then.
     """
-    if every == (frame is not None):
-        raise click.UsageError("say either --frame K or --all")
+    if every + (frame is not None) + (body is not None) != 1:
+        raise click.UsageError("say one of --frame K, --all and --motion OBJECT")
     from gasp_core import Recording
     from gasp_core.recording.commits import numbered
 
@@ -93,6 +103,13 @@ def export(
     if recording.frame_count == 0:
         raise RecordingError(f'{run}: holds no frame yet: go on with "gasp run --resume"')
     stem = run.resolve().stem
+    if body is not None:
+        if suffix is not None or as_drawn or up is not None:
+            raise click.UsageError(
+                "--motion writes numbers in the axes of the scene: leave --format, --as-drawn and --up out"
+            )
+        click.echo(export_motion(recording, body, out, overwrite=overwrite))
+        return
     if frame is not None:
         if frame >= recording.frame_count:
             raise RecordingError(f"{run}: has frames 0 to {recording.frame_count - 1}, not {frame}")

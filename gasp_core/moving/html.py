@@ -12,7 +12,7 @@ from gasp_core.io.atomic import replacing
 __all__ = ["write_page"]
 
 _PAGE = Path(__file__).parent / "page"
-_SCRIPTS = ("decoder.js", "splat.js", "painter.js", "player.js")
+_SCRIPTS = ("decoder.js", "splat.js", "ground.js", "painter.js", "player.js")
 """Each imports from those before it alone."""
 
 

@@ -52,6 +52,7 @@ def camera_of(recording: Recording) -> dict[str, Any]:
         "position": eye.tolist(),
         "target": (eye + reach * forward).tolist(),
         "vertical_angle": math.degrees(2 * math.atan(height / 2 / camera.focal_y)),
+        "reach": motion.reach,
     }
 
 

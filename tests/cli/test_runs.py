@@ -242,3 +242,16 @@ def test_a_dry_run_is_about_the_whole_run(gasp, workplace):
     outcome = gasp("run", "scene.toml", "--dry-run", "--frames", 2)
     assert outcome.status == 2
     assert "leave --resume and --frames out" in outcome.err
+
+
+def test_the_motion_of_an_object_is_a_file_of_moments(gasp, refused, run, workplace):
+    outcome = gasp("export", "scene.gasp", "--motion", "toy")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.out.startswith("scene_toy.csv: 3 moments of the point that was at [")
+    lines = (workplace / "scene_toy.csv").read_text().splitlines()
+    assert lines[0] == "time,x,y,z,qw,qx,qy,qz,residual"
+    assert [float(line.split(",")[0]) for line in lines[1:]] == [0.0, 0.04, 0.08]
+    refused("export", "scene.gasp", "--motion", "toy", says=["scene_toy.csv is there already"])
+    refused("export", "scene.gasp", "--motion", "ploy", says=['"ploy"', "what moves: toy"])
+    refused("export", "scene.gasp", "--motion", "toy", "--up", "-y", says=["--motion", "--up"])
+    refused("export", "scene.gasp", "--motion", "toy", "--all", says=["one of"])

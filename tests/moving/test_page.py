@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import io
 import os
@@ -13,9 +14,11 @@ import pytest
 
 from gasp_core import MovingSplat, Reduction, pack, read_splat
 from gasp_core.accuracy.images import psnr
+from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
 from gasp_core.moving.html import write_page
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.scenery import draw_scenery
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -73,11 +76,13 @@ def picture(page, frame):
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")) / 255.0
 
 
-def drawn(splat, frame):
+def drawn(splat, frame, colliders=()):
     camera = splat.header.camera
     angle = camera["vertical_angle"]
     seen = look_at(camera["position"], camera["target"], width=WIDTH, height=HEIGHT, field_of_view=angle)
-    return np.clip(open_renderer().render(splat.splats(frame), seen).over(np.ones(3)), 0, 1)
+    scenery = draw_scenery(colliders, seen, centre=np.array(camera["target"]), reach=camera.get("reach", 1.0))
+    found = open_renderer().render(splat.splats(frame), seen, occluders=scenery.depth).before(scenery)
+    return np.clip(found.over(np.ones(3)), 0, 1)
 
 
 CAMERA = {"position": [0.9, -1.1, 0.7], "target": [0.0, 0.0, 0.35], "vertical_angle": 40.0}
@@ -104,6 +109,36 @@ def test_its_pixels_are_those_of_our_renderer(recorded, opened, ball, tmp_path):
     # It is a picture, and another one each time.
     assert psnr(pictures[0], np.ones_like(pictures[0])) < 20
     assert psnr(*pictures) < 25
+    assert complaints == []
+
+
+SOLID = {
+    "plane": Collider(shape=HalfSpace(point=(0, 0, 0.2), normal=(0, -0.6, 0.8))),
+    "far side of a plane": Collider(shape=HalfSpace(point=(0, 0.3, 0), normal=(0, 1, 0)), side=Side.INSIDE),
+    "box": Collider(shape=BoxShape(center=(0.2, -0.2, 0.2), half_extents=(0.3, 0.1, 0.2))),
+    "room": Collider(shape=BoxShape(center=(0, 0, 0.5), half_extents=(2, 1.5, 0.8)), side=Side.INSIDE),
+    "ball": Collider(shape=SphereShape(center=(-0.1, -0.1, 0.3), radius=0.25)),
+    "shell": Collider(shape=SphereShape(center=(0, 0, 0.3), radius=0.5), side=Side.INSIDE),
+}
+
+
+@pytest.mark.parametrize("names", [*([name] for name in SOLID), ["plane", "box", "ball"]], ids=" ".join)
+def test_what_is_solid_is_drawn_as_our_renderer_does(recorded, opened, ball, tmp_path, names):
+    """In front of Gaussians and behind them, and of those that reach through it what is before it."""
+    colliders = [SOLID[name] for name in names]
+    recording = recorded(Reduction(mode="volume"), ball)
+    told = [{"kind": one.shape.kind, "side": one.side.value, **dataclasses.asdict(one.shape)} for one in colliders]
+    pack(recording, tmp_path / "a.sog", camera={**CAMERA, "reach": 0.8}, colliders=told)
+    write_page(tmp_path / "a.html", (tmp_path / "a.sog").read_bytes(), "ball")
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    page, complaints = opened(tmp_path / "a.html")
+    painted(page)
+    found = picture(page, 1)
+    alike = psnr(drawn(splat, 1, colliders), found)
+    without = psnr(drawn(splat, 1), found)
+    print(f"{' '.join(names)}: {alike:.1f} dB, {without:.1f} dB from a picture without")
+    assert alike >= 28
+    assert without < alike - 6
     assert complaints == []
 
 

@@ -1,6 +1,7 @@
 // Draws Gaussians with WebGL 2: a square for each, from the farthest to the nearest, as 3DGS projects and blends them.
 
 import { rotate } from "./decoder.js";
+import { programOf } from "./ground.js";
 
 const WIDTH = 2048;
 
@@ -15,6 +16,8 @@ in vec2 corner;
 in uint row;
 out vec2 offset;
 out vec4 colour;
+out float depth;
+flat out float steepness;
 
 vec4 texel(uint number) {
   return texelFetch(gaussians, ivec2(number % ${WIDTH}u, number / ${WIDTH}u), 0);
@@ -44,30 +47,39 @@ void main() {
   offset = reach * corner;
   vec2 pixels = offset.x * sqrt(larger) * along + offset.y * sqrt(smaller) * vec2(-along.y, along.x);
   vec2 centre = focal * seen.xy / seen.z;
+  // Along the ray of a pixel matter is normal around a depth that changes evenly from pixel to pixel.
+  vec3 away = covariance * vec3(view[0].z, view[1].z, view[2].z);
+  vec2 shared = (projection * away).xy;
+  vec2 slant = vec2(c * shared.x - b * shared.y, a * shared.y - b * shared.x) / (a * c - b * b);
+  float variance = dot(away, vec3(view[0].z, view[1].z, view[2].z)) - dot(shared, slant);
+  depth = seen.z + dot(slant, pixels);
+  steepness = 1.702 * inversesqrt(max(variance, 1e-12));
   gl_Position = vec4((centre + pixels) / (0.5 * size) * vec2(1.0, -1.0), 0.0, 1.0);
 }`;
 
 const FRAGMENT = `#version 300 es
 precision highp float;
+precision highp usampler2D;
+uniform usampler2D walls;
+uniform bool walled;
 in vec2 offset;
 in vec4 colour;
+in float depth;
+flat in float steepness;
 out vec4 painted;
 
 void main() {
   float alpha = min(0.99, colour.a * exp(-0.5 * dot(offset, offset)));
   if (alpha < 1.0 / 255.0) discard;
+  if (walled) {
+    // What is before the wall of this pixel; the logistic law is within .01 of the normal one.
+    float before = uintBitsToFloat(texelFetch(walls, ivec2(gl_FragCoord.xy), 0).x) - depth;
+    alpha = 1.0 - pow(1.0 - alpha, 1.0 / (1.0 + exp(clamp(-steepness * before, -80.0, 80.0))));
+  }
   painted = vec4(colour.rgb * alpha, alpha);
 }`;
 
 const C0 = 0.28209479177387814;
-
-function compiled(gl, kind, text) {
-  const shader = gl.createShader(kind);
-  gl.shaderSource(shader, text);
-  gl.compileShader(shader);
-  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-  return shader;
-}
 
 /** Real harmonics of degrees 1 to 3 along a unit vector, as 3DGS has them. */
 function basis(x, y, z, bases, found) {
@@ -86,23 +98,19 @@ function basis(x, y, z, bases, found) {
 }
 
 export class Painter {
-  constructor(gl, splat) {
+  constructor(gl, splat, ground) {
     this.gl = gl;
     this.splat = splat;
-    const program = gl.createProgram();
-    gl.attachShader(program, compiled(gl, gl.VERTEX_SHADER, VERTEX));
-    gl.attachShader(program, compiled(gl, gl.FRAGMENT_SHADER, FRAGMENT));
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    gl.useProgram(program);
+    this.ground = ground;
+    const program = programOf(gl, VERTEX, FRAGMENT);
+    this.program = program;
     this.uniforms = Object.fromEntries(
-      ["gaussians", "view", "focal", "size"].map((name) => [name, gl.getUniformLocation(program, name)]),
+      ["gaussians", "view", "focal", "size", "walls", "walled"].map((name) => [name, gl.getUniformLocation(program, name)]),
     );
-    const corner = gl.getAttribLocation(program, "corner");
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(corner);
-    gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
     const row = gl.getAttribLocation(program, "row");
     this.rows = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.rows);
@@ -207,7 +215,7 @@ export class Painter {
 
   /** Paint what was taken, through a camera: view is column by column, x right, y down, z away. */
   paint({ view, eye, focal, width, height }) {
-    const { gl } = this;
+    const { gl, ground } = this;
     this.colour(eye);
     this.sort(view);
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
@@ -217,7 +225,14 @@ export class Painter {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
+    ground.draw({ view, eye, focal, width, height });
+    gl.useProgram(this.program);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, ground.depths);
+    gl.activeTexture(gl.TEXTURE0);
     gl.uniform1i(this.uniforms.gaussians, 0);
+    gl.uniform1i(this.uniforms.walls, 1);
+    gl.uniform1i(this.uniforms.walled, ground.count > 0 ? 1 : 0);
     gl.uniformMatrix4fv(this.uniforms.view, false, view);
     gl.uniform2f(this.uniforms.focal, focal, focal);
     gl.uniform2f(this.uniforms.size, width, height);

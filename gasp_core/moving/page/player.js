@@ -1,6 +1,7 @@
 // The page: a time line, a camera that goes around, and what happens in between.
 
 import { Motion } from "./decoder.js";
+import { Ground } from "./ground.js";
 import { Painter } from "./painter.js";
 import { openSplat } from "./splat.js";
 
@@ -61,7 +62,7 @@ async function main() {
   holder.remove();
   const motion = await Motion.of(splat.files, splat.means, splat.axes, splat.scales);
   const { frames, frame_rate, camera } = motion.header;
-  const painter = new Painter(gl, splat);
+  const painter = new Painter(gl, splat, new Ground(gl, motion.header));
   const orbit = new Orbit(camera, motion);
   const state = { frame: 0, playing: true, changed: true, shown: -1, painted: 0, since: performance.now() };
   line.max = frames - 1;
