@@ -70,8 +70,8 @@ In the page: drag turns, drag with the right button shifts, the wheel zooms.
 def view(path: Path, host: str, port: int, opens: bool, up: str | None, layer: str, colouring: str) -> None:
     """Show a run, a scene or a splat file in the browser, until Ctrl-C.
 
-    PATH is the folder that "gasp run" wrote, a scene file, or a splat file. A run may still be going: the page
-    follows it.
+    PATH is the folder that "gasp run" wrote, what "gasp pack" made of it, a scene file, or a splat file. A run may
+    still be going: the page follows it.
     """
     from gasp_core.rendering.footage import RecordedFootage, Still, open_footage
     from gasp_viewer.server import free_port, is_loopback, page_address, serving

@@ -59,7 +59,8 @@ class Moment:
             opacities=splats.opacities,
             harmonics=splats.harmonics,
         )
-        return [to_simplices(gaussians, choose_vertices(gaussians))]
+        # As many in every frame: what is flat in one need not be in another.
+        return [to_simplices(gaussians, choose_vertices(gaussians) if self._footage.frame_count == 1 else 4)]
 
     @cached_property
     def points(self) -> Array:

@@ -53,7 +53,7 @@ class Source(Protocol):
 
 
 class FileNews:
-    """Of a splat file: nothing ever happens to it.
+    """Of a splat file, still or moving: nothing ever happens to it.
 
     Parameters
     ----------
@@ -63,6 +63,8 @@ class FileNews:
 
     def __init__(self, footage: Footage) -> None:
         splats = footage.splats(0)
+        self._count = footage.frame_count
+        self._frame_rate = footage.frame_rate
         self._facts = [
             ("file", footage.path.name),
             ("Gaussians", f"{len(splats):,}"),
@@ -70,15 +72,16 @@ class FileNews:
         ]
 
     def look(self) -> News:
-        """One frame, for ever."""
-        return News(count=1, status="")
+        """Its frames, for ever."""
+        return News(count=self._count, status="complete" if self._count > 1 else "")
 
     def facts(self, frame: int) -> list[tuple[str, str]]:
         """What is in it."""
-        return self._facts
+        time = [("time", figure(frame / self._frame_rate, "s"))] if self._count > 1 else []
+        return time + self._facts
 
     def extended(self, motion: Motion, frame: int) -> Motion:
-        """The motion: nothing moves."""
+        """The motion: all of it was there from the beginning."""
         return motion
 
 

@@ -128,7 +128,7 @@ class Session:
             layers=exhibit.layers,
             colourings=exhibit.colourings,
             notes=footage.recording.notes if is_run else (),
-            is_film=is_run,
+            is_film=is_run or footage.frame_count > 1,
             wake=self._wake.set,
             keep=self.keep_view,
         )

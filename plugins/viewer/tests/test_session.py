@@ -7,6 +7,7 @@ from gasp_viewer.packing import PackedSplats
 from gasp_viewer.server import free_port, serving
 from gasp_viewer.session import Exhibit, Session, wait_for_frame
 
+from gasp_core import Recording, pack
 from gasp_core.errors import RecordingError
 from gasp_core.io import write_splat
 from gasp_core.rendering.footage import open_footage
@@ -69,6 +70,21 @@ def copied(tmp_path, toy_run):
     """The toy's run, to be spoilt."""
     shutil.copytree(toy_run, tmp_path / "run.gasp")
     return tmp_path / "run.gasp"
+
+
+@pytest.mark.parametrize("layer", ["gaussians", "triangles"])
+def test_a_moving_splat_has_a_timeline_too(watch, toy_run, tmp_path, layer):
+    pack(Recording.open(toy_run), tmp_path / "toy.moving.sog")
+    viewing = watch(tmp_path / "toy.moving.sog", layer=layer)
+    assert viewing.panel.controls["frame"].visible
+    first = viewing.session.picture
+    viewing.panel.controls["frame"].value = 5
+    viewing.until(lambda: viewing.session.picture is not first)
+    assert viewing.session.head.frame == 5
+    assert "5 of 5" in viewing.text("facts") and "0.2 s" in viewing.text("facts")
+    viewing.panel.press_play()
+    viewing.step(0.04)
+    assert viewing.session.head.playing and viewing.session.head.frame < 5
 
 
 def test_the_timeline_shows_the_frame_it_is_moved_to(watch, toy_run):
