@@ -125,6 +125,9 @@ class _Lines(_Watched):
         self._ended.set()
         self._thread.join()
 
+    def say(self, sentence: str) -> None:
+        print(sentence, file=sys.stderr, flush=True)
+
     def _go_on(self) -> None:
         while not self._ended.wait(self.pause):
             self.show()

@@ -82,4 +82,5 @@ def bar_is_drawn_slowly(subject: Subject) -> Drawn:
                 strain = float(np.polyfit(bar[middle, 0], drawn[middle], 1)[0])
                 gradients = float((state.deformation_gradients[middle, 0, 0] - 1).mean()) / strain
             amplitudes.append(mode_amplitude(drawn, shape))
+    assert amplitudes[0] != 0, "the bar is not drawn at all: its driven end does not pull, or the rest does not follow"
     return Drawn(by_gradients=gradients, swing=-min(amplitudes) / amplitudes[0], substep_count=count)

@@ -402,6 +402,26 @@ def test_nor_by_a_mark_or_from_a_fixture(examine: Any) -> None:
     assert {outcomes(report)[name] for name in ("drift", "free-fall", "lifecycle")} == {Outcome.FAILED}
 
 
+@pytest.mark.parametrize(
+    ("end", "outcome"),
+    [
+        ("assert 2 < 1", Outcome.DEVIATES),
+        ('raise GaspError("refused")', Outcome.DEVIATES),
+        ('raise RuntimeError("out of memory")', Outcome.FAILED),
+        ('raise EngineCrashedError("its process died")', Outcome.FAILED),
+    ],
+)
+def test_a_list_excuses_a_figure_and_no_crash(examine: Any, end: str, outcome: Outcome) -> None:
+    _, report = examine(
+        physics="from gasp_core.errors import EngineCrashedError, GaspError\n"
+        f'@check("V94", Level.VERIFICATION)\ndef test_v94():\n    {end}\n',
+        listed='[[deviation]]\ncheck = "V94"\nreason = "springs"',
+    )
+    assert report.checks[-1].outcome is outcome
+    if outcome is Outcome.FAILED:
+        assert "V94 may deviate, but not break" in report.checks[-1].reason
+
+
 def test_only_the_engine_s_own_list_excuses(examine: Any) -> None:
     _, report = examine(physics='@check("V94", Level.VERIFICATION)\ndef test_v94():\n    pytest.xfail("known")\n')
     assert report.checks[-1].outcome is Outcome.FAILED

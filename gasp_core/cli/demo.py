@@ -78,7 +78,7 @@ def demo(engine: str | None, out: Path | None, frames: int | None) -> None:
     click.echo(f"dropping it, with {name}: {scene}")
     run = folder / "toy.gasp"
     with resumable(run, ["gasp", "run", str(scene), "--resume", "--out", str(run)]):
-        recording = simulate(load_scene(scene), out=run, frames=frames)
+        recording = simulate(load_scene(scene), out=run, frames=frames, progress="log")
         print_outcome(recording)
         if interrupted(recording):
             raise KeyboardInterrupt

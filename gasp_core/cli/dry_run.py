@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.settings import Settings
+from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError
 from gasp_core.progress import duration
 
 if TYPE_CHECKING:
@@ -37,17 +39,22 @@ def estimated(
         # A sheet is a dozen pictures, however long the run.
         painted = [scratch / f"{number}-{path.name}" for number, path in enumerate(films) if path.suffix != ".png"]
         film = LiveFilm(folder, first_moments(scene), painted, width=size[0], height=size[1]) if painted else None
-        with film or nullcontext():
-            return estimate_run(
-                scene,
-                folder,
-                engine,
-                device=settings.device,
-                precision=settings.precision,
-                isolate=isolate or None,
-                trust_code=trusted,
-                recorded=film.recorded if film is not None else None,
-            )
+        try:
+            with film or nullcontext():
+                return estimate_run(
+                    scene,
+                    folder,
+                    engine,
+                    device=settings.device,
+                    precision=settings.precision,
+                    isolate=isolate or None,
+                    trust_code=trusted,
+                    recorded=film.recorded if film is not None else None,
+                )
+        except (EngineDivergedError, EngineCrashedError) as error:
+            # What is kept of it is gone with the folder.
+            told = re.sub(rf"; (the )?frames [^;]*kept in {re.escape(str(folder))}", "", str(error))
+            raise GaspError(f"the run would stop: {told}") from error
 
 
 def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:

@@ -15,7 +15,7 @@ Command = Callable[..., Any]
 
 def overwrite_option(what: str) -> Callable[[Command], Command]:
     """The option, which says what it replaces."""
-    return click.option("--overwrite", is_flag=True, help=f"Replace {what} that is there already.")
+    return click.option("--overwrite", is_flag=True, help=f"Replace {what} already there.")
 
 
 def keep_what_is_there(paths: Iterable[Path], overwrite: bool, option: str = "--out") -> None:

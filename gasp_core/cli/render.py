@@ -74,6 +74,11 @@ A camera of its own can stand in the scene file:
     show_default=True,
     help="A name, #rrggbb, transparent.",
 )
+@click.option(
+    "--colliders/--no-colliders",
+    default=None,
+    help="Draw floors and what else is solid, with shadows, or not. [default: but for a transparent background]",
+)
 @click.option("--up", metavar="AXIS", default="-y", show_default=True, help="A splat file's axis that points up.")
 @overwrite_option("a film or a picture")
 @most_memory_option
@@ -90,6 +95,7 @@ def render(
     frame: int | None,
     slower: float,
     background: str,
+    colliders: bool | None,
     up: str,
     overwrite: bool,
     renderer: str | None,
@@ -98,13 +104,13 @@ def render(
 
     RUN is the folder that "gasp run" wrote, finished or not; or what "gasp pack" made of it, or a scene file, which
     is shown as it begins, or a splat file. Without a camera, the whole motion is in
-    the picture. Colliders are drawn too. Frames that are damaged are named and left out; the exit status is 1 then.
+    the picture. Frames that are damaged are named and left out; the exit status is 1 then.
     """
     choice = _choice(camera, position, target)
     from gasp_core.cli.export import leave_out
     from gasp_core.rendering import filming
 
-    paths = outs or (default_output(run, one=frame is not None and not turntable),)
+    paths = outs or (default_output(run, one=frame is not None, turns=turntable),)
     keep_what_is_there(paths, overwrite)
     good, damaged = (None, []) if frame is not None else _whole_frames(run)
     filming.render(
@@ -117,6 +123,7 @@ def render(
         follow=follow,
         slower=slower,
         background=background,
+        colliders=colliders,
         up=_axis(up),
         renderer=renderer,
     )
@@ -125,12 +132,12 @@ def render(
     leave_out(damaged)
 
 
-def default_output(run: Path, *, one: bool) -> Path:
-    """Beside where one stands: a film of a recording, a picture of a splat file or of one frame."""
+def default_output(run: Path, *, one: bool, turns: bool = False) -> Path:
+    """Beside where one stands: a film of a recording or a turn, a picture of a splat file or of one frame."""
     from gasp_core.rendering.moving_footage import is_moving_splat
 
     moves = run.suffix == ".gasp" or (run / "zarr.json").exists() or is_moving_splat(run)
-    return Path(run.resolve().stem + (".mp4" if moves and not one else ".png"))
+    return Path(run.resolve().stem + (".mp4" if turns or (moves and not one) else ".png"))
 
 
 def _whole_frames(run: Path) -> tuple[list[int] | None, list[str]]:

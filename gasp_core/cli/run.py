@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shlex
-import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -216,11 +215,7 @@ def previewed(scene: Scene) -> Scene:
 
 
 def print_outcome(recording: Recording) -> None:
-    """Say in a few lines what a run came to."""
-    if not sys.stderr.isatty():
-        # On a terminal the run itself has said so, above its progress bar.
-        for note in recording.notes:
-            click.echo(note)
+    """Say in a line what a run came to."""
     reason = f" ({recording.reason})" if recording.reason else ""
     click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
 

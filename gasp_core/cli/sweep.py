@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +134,7 @@ def sweep(
     if as_json:
         print_json({"folder": str(folder), "rows": [row.cells() for row in found.rows]})
     else:
-        _print_for_people(found)
+        _print_for_people(found, [own.name for own in observables])
     if not found.completed:
         first = found.rows[0]
         raise AccuracyError(f"no run came to its end: {first.status}: {first.columns.get('reason', '')}")
@@ -183,7 +184,7 @@ def _preview(plan: list[Planned], at_once: int, trusted: bool, *, keep: bool, as
         click.echo(f"{name:9}{value}")
 
 
-def _print_for_people(found: Sweep) -> None:
+def _print_for_people(found: Sweep, observed: Collection[str]) -> None:
     keys = list(dict.fromkeys(key for row in found.rows for key in row.setting.values))
     several = [key for key in keys if len({row.setting.values.get(key) for row in found.rows}) > 1] or keys
     header = [*(key.rpartition(".")[2] for key in several), "STATUS", "SUBSTEPS", "RUN s", "MEMORY MB"]
@@ -191,7 +192,7 @@ def _print_for_people(found: Sweep) -> None:
     extra = [
         name
         for name in dict.fromkeys(name for row in shown for name in row.columns)
-        if name.endswith((".moved", "rms_share", "apart_at"))
+        if name in observed or name.endswith((".moved", "rms_share", "apart_at"))
     ]
     print_table([*header, *extra], [_cells(row, several, extra) for row in shown])
     if len(found.rows) > len(shown):

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
 
-from gasp_core.contract.rigid_motion import RigidMotion
+from gasp_core.contract.rigid_motion import KeyframedMotion, RigidMotion, SteadyMotion
 from gasp_core.contract.shapes import HalfSpace, Shape, Vector
-from gasp_core.contract.validation import finite, finite_vector
+from gasp_core.contract.validation import finite, finite_vector, instance, member
 from gasp_core.errors import SceneError
 
 __all__ = [
@@ -88,6 +88,10 @@ class Collider:
     motion: RigidMotion | None = None
 
     def __post_init__(self) -> None:
+        if not hasattr(self.shape, "signed_distance") and not hasattr(self.shape, "resolve"):
+            raise SceneError(f"Collider.shape must be a shape, found {type(self.shape).__name__}")
+        member(self, "side", Side)
+        instance(self, "motion", SteadyMotion, KeyframedMotion, type(None))
         check_friction(self)
 
 
@@ -113,6 +117,7 @@ class BodyContact:
 
 def check_friction(owner: Any) -> None:
     """Refuse a friction below zero, or one that means nothing with the owner's contact."""
+    member(owner, "contact", ContactCondition)
     finite(owner, "friction", low=0.0)
     if owner.friction > 0 and owner.contact is not ContactCondition.SEPARATE:
         raise SceneError(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from gasp_core.contract.shapes import Vector
 from gasp_core.contract.validation import finite, finite_vector
@@ -58,35 +60,60 @@ class KeyframedMotion:
     times
         Moments [s], rising.
     places
-        Where the center is then [m].
+        Where the center is then [m]; without them it stays.
     quaternions
-        The orientations, (w, x, y, z), of any length but 0; (1, 0, 0, 0) as in the scene.
+        The orientations, (w, x, y, z), of any length but 0; (1, 0, 0, 0) as in the scene, which they are without.
     center
         What is moved to the places and turned about [m], in the scene.
     """
 
     times: tuple[float, ...]
-    places: tuple[Vector, ...]
-    quaternions: tuple[Quaternion, ...]
+    places: tuple[Vector, ...] = ()
+    quaternions: tuple[Quaternion, ...] = ()
     center: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         finite_vector(self, "center")
-        if not self.times or not len(self.times) == len(self.places) == len(self.quaternions):
+        times = _numbers(self.times, "times", 1)
+        if len(times) == 0:
+            raise SceneError("KeyframedMotion.times must have at least one moment")
+        places = _numbers(self.places, "places", 3) if len(self.places) else (self.center,) * len(times)
+        upright = ((1.0, 0.0, 0.0, 0.0),) * len(times)
+        quaternions = _numbers(self.quaternions, "quaternions", 4) if len(self.quaternions) else upright
+        if not len(times) == len(places) == len(quaternions):
             raise SceneError(
-                "KeyframedMotion needs as many places and quaternions as times, at least one: found"
-                f" {len(self.times)} times, {len(self.places)} places, {len(self.quaternions)} quaternions"
+                "KeyframedMotion needs as many places and quaternions as times:"
+                f" found {len(times)} times, {len(places)} places, {len(quaternions)} quaternions"
             )
-        for number, (time, place, quaternion) in enumerate(zip(self.times, self.places, self.quaternions)):
-            if len(place) != 3 or len(quaternion) != 4:
-                raise SceneError(f"KeyframedMotion: moment {number} must have 3 numbers as place, 4 as quaternion")
-            if not all(math.isfinite(value) for value in (time, *place, *quaternion)):
+        for number, (time, place, quaternion) in enumerate(zip(times, places, quaternions)):
+            if not all(math.isfinite(value) for value in (*time, *place, *quaternion)):
                 raise SceneError(f"KeyframedMotion: moment {number} must have finite numbers")
             if not 1e-150 < math.hypot(*quaternion) < 1e150:
                 raise SceneError(f"KeyframedMotion: the quaternion {quaternion} of moment {number} is no rotation")
-        for number, (one, other) in enumerate(pairwise(self.times)):
+        for number, ((one,), (other,)) in enumerate(pairwise(times)):
             if not one < other:
                 raise SceneError(f"KeyframedMotion.times must rise, moment {number + 1} is at {other!r} after {one!r}")
+        for name, rows in (
+            ("times", tuple(time for (time,) in times)),
+            ("places", places),
+            ("quaternions", quaternions),
+        ):
+            object.__setattr__(self, name, rows)
+
+
+def _numbers(values: Iterable[Any], name: str, width: int) -> tuple[tuple[float, ...], ...]:
+    """Rows of `width` floats, of tuples as of an array."""
+    rows: list[tuple[float, ...]] = []
+    for number, value in enumerate(values):
+        try:
+            row = tuple(float(one) for one in ((value,) if width == 1 else value))
+        except (TypeError, ValueError, OverflowError):
+            row = ()
+        if len(row) != width:
+            wanted = "a number" if width == 1 else f"{width} numbers"
+            raise SceneError(f"KeyframedMotion.{name}: moment {number} must have {wanted}, found {value!r}")
+        rows.append(row)
+    return tuple(rows)
 
 
 RigidMotion = SteadyMotion | KeyframedMotion

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterable, Sequence
+from enum import Enum
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 
-__all__ = ["finite", "finite_vector", "frozen_array", "positive", "unit_vector"]
+__all__ = ["finite", "finite_vector", "frozen_array", "instance", "member", "members", "positive", "unit_vector"]
 
 Vector = tuple[float, float, float]
 
+_LONGEST_SAID = 80
+"""Letters of a value that is no such."""
+
 
 def finite(owner: object, name: str, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False) -> None:
-    """Refuse a number of a dataclass outside [low, high] ((low, high] if `open_low`), naming class and field."""
+    """Refuse a number of a dataclass outside [low, high] ((low, high] if `open_low`), naming class and field.
+
+    NumPy's numbers become Python's own, which can be written down.
+    """
     value = getattr(owner, name)
     where = f"{type(owner).__name__}.{name}"
     if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
@@ -32,6 +40,53 @@ def finite(owner: object, name: str, *, low: float = -math.inf, high: float = ma
         if high != math.inf:
             bounds += f" and <= {high:g}"
         raise SceneError(f"{where} must be {bounds}, found {value!r}")
+    if isinstance(value, np.generic):
+        object.__setattr__(owner, name, value.item())
+
+
+def member(owner: object, name: str, kind: type[Enum]) -> None:
+    """Refuse what is no member of an enumeration; the value of one becomes it."""
+    value = getattr(owner, name)
+    try:
+        object.__setattr__(owner, name, kind(value))
+    except ValueError:
+        known = ", ".join(f"{kind.__name__}.{one.name}" for one in kind)
+        raise SceneError(f"{type(owner).__name__}.{name} must be one of {known}, found {value!r}") from None
+
+
+def instance(owner: object, name: str, *kinds: type, hint: str = "") -> None:
+    """Refuse what is of none of the kinds, naming them; `hint` says what to write instead."""
+    value = getattr(owner, name)
+    if not isinstance(value, kinds):
+        raise SceneError(f"{type(owner).__name__}.{name} must be {_a(kinds)}, found {_short(value)}{hint}")
+
+
+def members(owner: object, name: str, *kinds: type) -> None:
+    """Replace a field by the tuple of its entries, or refuse it where one is of none of the kinds."""
+    values = getattr(owner, name)
+    where = f"{type(owner).__name__}.{name}"
+    # What is one where several may stand is the commonest of mistakes.
+    if isinstance(values, kinds) or not isinstance(values, Iterable):
+        raise SceneError(f"{where} must be a tuple of {_names(kinds)}, found {_short(values)}")
+    found: tuple[Any, ...] = tuple(cast("Iterable[Any]", values))
+    for number, value in enumerate(found):
+        if not isinstance(value, kinds):
+            raise SceneError(f"{where}[{number}] must be {_a(kinds)}, found {_short(value)}")
+    object.__setattr__(owner, name, found)
+
+
+def _a(kinds: Sequence[type]) -> str:
+    names = _names(kinds)
+    return names if names[0] == "N" else f"{'an' if names[0] in 'AEIOU' else 'a'} {names}"
+
+
+def _names(kinds: Sequence[type]) -> str:
+    return " or ".join("None" if kind is type(None) else kind.__name__ for kind in kinds)
+
+
+def _short(value: object) -> str:
+    said = " ".join(repr(value).split())
+    return said if len(said) <= _LONGEST_SAID else f"{said[:_LONGEST_SAID]}..."
 
 
 def positive(owner: object, *names: str) -> None:

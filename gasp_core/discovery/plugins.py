@@ -12,6 +12,7 @@ import pluggy
 
 from gasp_core.contract import CONTRACT_VERSION, EngineCapabilities, EngineDescriptor
 from gasp_core.discovery import hookspecs
+from gasp_core.discovery.capability_faults import capability_fault
 from gasp_core.discovery.hookspecs import (
     COMMAND_VERSION,
     ENTRY_POINT_GROUP,
@@ -112,7 +113,7 @@ def hook_names() -> list[str]:
 
 
 def offer_fault(offer: EngineDescriptor | RendererDescriptor | Command) -> str | None:
-    """Why one offer is refused, in one line, or None: its name, the form of its factory, its contract version."""
+    """Why one offer is refused, in one line, or None: its name, its factory's form, its version, what it declares."""
     # A plugin's fields hold whatever its author wrote, whatever their annotations say.
     name, factory = cast("tuple[object, object]", (offer.name, offer.factory))
     if not isinstance(name, str) or not _NAME.fullmatch(name):
@@ -122,7 +123,11 @@ def offer_fault(offer: EngineDescriptor | RendererDescriptor | Command) -> str |
     if isinstance(offer, EngineDescriptor) and not isinstance(cast(object, offer.capabilities), EngineCapabilities):
         return f"capabilities must be EngineCapabilities, found {offer.capabilities!r:.60}"
     what, spoken = _spoken(offer)
-    return _version_fault(offer.contract_version, what, spoken)
+    fault = _version_fault(offer.contract_version, what, spoken)
+    # Of another version, what it declares is judged by that.
+    if fault is None and isinstance(offer, EngineDescriptor):
+        fault = capability_fault(offer.capabilities)
+    return fault
 
 
 def _spoken(offer: EngineDescriptor | RendererDescriptor | Command) -> tuple[str, tuple[int, int]]:

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.format_errors import shown
 
-__all__ = ["MESH_SUFFIXES", "TriangleMesh", "face_areas", "from_scene", "read_mesh", "whole_faces"]
+__all__ = ["MESH_SUFFIXES", "TriangleMesh", "face_areas", "from_scene", "no_triangles", "read_mesh", "whole_faces"]
 
 Array = NDArray[Any]
 Read = TypeVar("Read")
 
 MESH_SUFFIXES = (".obj", ".glb", ".stl", ".ply")
 _LONGEST = 1 << 30
+_SPLAT_IN_GLTF = b"KHR_gaussian_splatting"
+_LOOKED_AT = 1 << 20
+"""Bytes: what a .glb says of itself comes first."""
 _MOST_FACES = 20_000_000
 
 
@@ -133,8 +136,19 @@ def whole_faces(vertices: Array, faces: Array, path: Path) -> Array:
         areas = face_areas(vertices, faces)
     whole = np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)
     if not whole.any():
-        raise SplatFormatError(f"{name}: has no triangle with an area")
+        raise no_triangles(path)
     return whole
+
+
+def no_triangles(path: Path) -> SplatFormatError:
+    """The error of a file that holds none."""
+    try:
+        with path.open("rb") as stream:
+            splat = _SPLAT_IN_GLTF in stream.read(_LOOKED_AT)
+    except OSError:
+        splat = False
+    why = ", but a splat, and those in glTF are written only: take the file that it was made of" if splat else ""
+    return SplatFormatError(f"{shown(path)}: has no triangle with an area{why}")
 
 
 def face_areas(vertices: Array, faces: Array) -> Array:

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.errors import SplatFormatError
-from gasp_core.io.format_errors import shown
-from gasp_core.io.meshes import MESH_SUFFIXES, face_areas, from_scene, whole_faces
+from gasp_core.io.meshes import MESH_SUFFIXES, face_areas, from_scene, no_triangles, whole_faces
 
 __all__ = ["PaintedMesh", "is_mesh", "read_painted_mesh"]
 
@@ -193,7 +191,7 @@ def _picture(image: Any) -> Array | None:
 
 def _joined(parts: Sequence[_Part], path: Path) -> PaintedMesh:
     if not parts or not sum(len(part.faces) for part in parts):
-        raise SplatFormatError(f"{shown(path)}: has no triangle with an area")
+        raise no_triangles(path)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     textures = [part.texture for part in parts if part.texture is not None]
     numbers = np.cumsum([part.texture is not None for part in parts]) - 1

@@ -247,7 +247,7 @@ class Recording(ShownInNotebooks):
         RecordingError
             Where there is no such frame, or its commit is missing or damaged.
         """
-        count = self.frame_count
+        count, frame = self.frame_count, int(frame)
         if not 0 <= frame < count and frame not in (*self.lost, *self.torn):
             raise RecordingError(f"{self.path}: has no frame {frame}, its frames are 0 to {count - 1}")
         return self._commits.read(frame)

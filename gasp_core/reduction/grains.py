@@ -37,6 +37,10 @@ point shows as a lump.
 """
 _OPACITY = 0.95
 """Of a grain of matter that has flowed: two of them hide what is behind."""
+_AROUND = 16
+"""Gaussians whose colour a point's grains have: one alone may be any of those that make up a colour together."""
+_SEEN = 0.5
+"""Mean opacity of these from which on a grain hides what is behind: haze stays haze."""
 _BESIDE = 4
 """Points that one has beside it at the same distance in a film one point thick; in a body there are six."""
 _APART, _WIDER = (1.0, 2.0, 4.0), (1.0, 2.0, 1.0)
@@ -96,6 +100,8 @@ class Grains:
         Of its grains from the point.
     colours : (P, 3) float32
         Constant coefficients.
+    opacities : (P,) float32
+        Of grains of matter that has flowed.
     scale
         Standard deviation of a grain where points are as close as at rest [m].
     """
@@ -104,6 +110,7 @@ class Grains:
     apart: Array
     offsets: Array
     colours: Array
+    opacities: Array
     scale: float
 
     @property
@@ -127,7 +134,7 @@ class Grains:
         return FlowedMatter(
             left=left,
             means=(positions[chosen, None] + wider[:, None, None] * self.offsets[chosen]).reshape(-1, 3),
-            opacities=np.repeat(_OPACITY * share[chosen], count),
+            opacities=np.repeat(self.opacities[chosen] * share[chosen], count),
             colours=np.repeat(self.colours[chosen], count, axis=0),
             sources=np.repeat(carrier.standing_for[chosen], count),
             scales=self.scale * np.repeat(wider, count),
@@ -149,16 +156,38 @@ def grains_of(carrier: PointFrames, gaussians: Gaussians, count: int) -> Grains:
     points = carrier.points
     follows = np.empty_like(carrier.labels)
     follows[carrier.order] = carrier.labels
-    colours = colours_from_outside(gaussians, points[follows].mean(axis=1))
+    colours, opacities = _seen_around(points, gaussians, colours_from_outside(gaussians, points[follows].mean(axis=1)))
     shape = (len(points), count, 3)
     scatter = np.random.default_rng(0).normal(scale=_SCATTER * carrier.spacing, size=shape if count > 1 else 0)
     return Grains(
         carrier=carrier,
         apart=np.maximum(_apart(points, carrier.neighbours), 1e-3 * carrier.spacing),
         offsets=(scatter if count > 1 else np.zeros(shape)).astype(np.float32),
-        colours=colours[carrier.standing_for].astype(np.float32),
+        colours=colours.astype(np.float32),
+        opacities=opacities.astype(np.float32),
         scale=_WIDTH * carrier.spacing / count ** (1 / 3),
     )
+
+
+def _seen_around(points: Array, gaussians: Gaussians, colours: Array) -> tuple[Array, Array]:
+    """Colours (P, 3) and opacities (P,) of the grains of points, from the Gaussians around each.
+
+    The more is seen of a Gaussian, the more it counts: by its opacity, squared, since what lies over it and under it is
+    as opaque as itself. Colours are those of the screen, which shows nothing darker than black.
+    """
+    from scipy.spatial import KDTree
+
+    from gasp_core.stepping.threads import processors
+
+    tree: Any = KDTree(gaussians.means)
+    found: Array = tree.query(points, min(_AROUND, len(gaussians)), workers=processors())[1]
+    found = found.reshape(len(points), -1)
+    opacities = gaussians.opacities.astype(np.float64)
+    weights = np.maximum(opacities[found] ** 2, 1e-9)
+    shown = np.clip(0.5 + _CONSTANT * colours, 0.0, 1.0)[found]
+    mean = np.einsum("pk,pkc->pc", weights, shown) / weights.sum(axis=1, keepdims=True)
+    seen = np.minimum(opacities[found].mean(axis=1) / _SEEN, 1.0)
+    return (mean - 0.5) / _CONSTANT, _OPACITY * seen
 
 
 def colours_from_outside(gaussians: Gaussians, inside: Array) -> Array:

@@ -38,6 +38,7 @@ def render(
     follow: bool | None = None,
     slower: float = 1.0,
     background: str = "white",
+    colliders: bool | None = None,
     up: UpAxis = "-y",
     renderer: str | None = None,
     progress: bool | None = None,
@@ -69,6 +70,8 @@ def render(
         Slow motion: 2 makes the film twice as long.
     background
         A colour name, #rrggbb, or "transparent" (all but .mp4).
+    colliders
+        Draw floors and what else is solid, with shadows on them; None: but for a transparent background.
     up
         A splat's axis that points up.
     renderer
@@ -88,6 +91,15 @@ def render(
     """
     if not (math.isfinite(slower) and slower > 0):
         raise RenderingError(f"slower must be a number > 0, found {slower!r}")
+    if isinstance(size, int) or len(size) != 2:  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise RenderingError(f"size must be (width, height) in pixels, found {size!r}")
+    if isinstance(frames, int):
+        frames = [frames]
+    if not isinstance(camera, str | CameraChoice | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise RenderingError(f"camera must be a text or a CameraChoice, found {camera!r}")
+    for number, out in enumerate(outs):
+        if Path(out) in map(Path, outs[:number]):
+            raise RenderingError(f"{out} is named twice: name each output once")
     colour = parse_background(background)
     footage = open_footage(run, up)
     choice = _choice(footage, read_choice(camera) if isinstance(camera, str) else camera, turntable, follow)
@@ -115,7 +127,8 @@ def render(
     )
     rate, title = footage.frame_rate / slower, footage.path.name
     outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
-    painter = FramePainter(footage, painting, motion=motion, background=colour)
+    drawn = footage.colliders if (colour is not None if colliders is None else colliders) else ()
+    painter = FramePainter(footage, painting, motion=motion, background=colour, colliders=drawn)
     with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:
         for output in outputs:
             stack.enter_context(output)

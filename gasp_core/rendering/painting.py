@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract import Collider
 from gasp_core.errors import RenderingError
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera
@@ -34,6 +35,8 @@ class FramePainter:
         Where the matter goes: planes and shadows are drawn there.
     background : (3,)
         Colour 0..1 behind everything; None: transparent.
+    colliders
+        That are drawn; None: all of the footage.
     """
 
     def __init__(
@@ -43,11 +46,13 @@ class FramePainter:
         *,
         motion: Motion,
         background: tuple[float, float, float] | None,
+        colliders: tuple[Collider, ...] | None = None,
     ) -> None:
         self._footage = footage
         self._renderer = renderer
         self._motion = motion
         self._background = background
+        self._colliders = footage.colliders if colliders is None else colliders
         self._camera: Camera | None = None
         self._scenery: ShadowedScenery | None = None
         self._lamp: Lamp | None = None
@@ -62,14 +67,14 @@ class FramePainter:
         return to_bytes(np.concatenate([straight, alpha], axis=2))
 
     def _picture(self, splats: RenderInput, camera: Camera, time: float) -> Picture:
-        if not self._footage.colliders:
+        if not self._colliders:
             return self._renderer.render(splats, camera)
         shadowed = self._scenery_from(camera, time)
         drawn = self._renderer.render(splats, camera, occluders=shadowed.scenery.depth)
         return drawn.before(shadowed.under(splats, self._renderer))
 
     def _scenery_from(self, camera: Camera, time: float) -> ShadowedScenery:
-        colliders = self._footage.colliders
+        colliders = self._colliders
         moves = any(collider.motion is not None for collider in colliders)
         if self._scenery is None or camera is not self._camera or moves:
             motion = self._motion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Sequence
 from typing import Any, cast
@@ -51,6 +52,7 @@ def _set(values: dict[str, Any], keys: Sequence[str], value: Any, change: str) -
         # One table of its kind alone need not be named.
         if isinstance(inner, list) and len(cast("list[Any]", inner)) == 1 and not _names(inner, keys[depth + 1]):
             inner = cast("list[Any]", inner)[0]
+            _refuse_misspelt(inner, keys[depth + 1], key, change)
         here = inner
     if isinstance(here, list):
         raise SceneError(f"--set {change}: {'.'.join(keys[:-1])} are several tables: say which, by name or number")
@@ -69,6 +71,13 @@ def _names(tables: Any, key: str) -> bool:
     return (key.isdecimal() and int(key) < len(entries)) or any(
         isinstance(entry, dict) and cast("dict[str, Any]", entry).get("name") == key for entry in entries
     )
+
+
+def _refuse_misspelt(table: Any, key: str, where: str, change: str) -> None:
+    """Refuse a key that is nearly the name of the only table there is, and is none of its keys."""
+    name = cast("dict[str, Any]", table).get("name") if isinstance(table, dict) else None
+    if isinstance(name, str) and key not in table and difflib.get_close_matches(key, [name]):
+        raise SceneError(f'--set {change}: there is no {where} "{key}", there is "{name}"')
 
 
 def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:

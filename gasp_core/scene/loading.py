@@ -39,6 +39,7 @@ from gasp_core.solid.options import SolidOptions
 __all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
+_SPLATS = (".ply", ".splat", ".spz", ".sog")
 _LONGEST_SCENE = 1 << 20
 _DEEPEST = 64
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
@@ -71,6 +72,8 @@ def load_scene(path: str | Path, changes: Sequence[str] = ()) -> Scene:
         splat that is not there. The message names file and key.
     """
     path = Path(path)
+    # One change is one of several.
+    changes = [changes] if isinstance(changes, str) else changes
     return read_scene(_text_of(path), file=str(path), folder=path.parent, changes=changes)
 
 
@@ -91,6 +94,10 @@ def load_camera(path: str | Path) -> CameraChoice:
 
 def _text_of(path: Path) -> str:
     name = shown(path)
+    if (path / "zarr.json").exists():
+        raise SceneError(f"{name}: is a recording, and no scene file: gasp render {name} shows it")
+    if any(path.name.lower().endswith(suffix) for suffix in _SPLATS) and path.is_file():
+        raise SceneError(f"{name}: is a splat, and no scene file: gasp new {name} writes a scene of it")
     try:
         return read_text(path, _LONGEST_SCENE)
     except FileNotFoundError:

@@ -14,7 +14,7 @@ from gasp_core.contract import (
     ForceField,
     Precision,
 )
-from gasp_core.contract.validation import Vector, finite, finite_vector
+from gasp_core.contract.validation import Vector, finite, finite_vector, instance, members
 from gasp_core.errors import SceneError
 from gasp_core.notebooks import ShownInNotebooks
 from gasp_core.scene.body_contacts import ContactRule, check_rules
@@ -22,6 +22,11 @@ from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice
 
 __all__ = ["Scene", "engine_notes"]
+
+_ENTRIES = {
+    "objects": SplatObject, "contacts": ContactRule, "colliders": Collider, "drives": Drive, "force_fields": ForceField,
+}  # fmt: skip
+"""What may stand there several times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +77,14 @@ class Scene(ShownInNotebooks):
         finite(self, "duration", low=0.0, open_low=True)
         finite(self, "frame_rate", low=0.0, open_low=True)
         finite_vector(self, "gravity")
-        for name in ("objects", "contacts", "colliders", "drives", "force_fields"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name, kind in _ENTRIES.items():
+            members(self, name, kind)
+        instance(self, "engine", EngineChoice, hint=', e.g. EngineChoice(name="taichi-mpm")')
+        instance(self, "accuracy", EngineAccuracy, hint=", e.g. EngineAccuracy(resolution=32)")
+        instance(self, "maps", MapChoice)
+        instance(self, "recording", RecordingChoice)
+        instance(self, "camera", CameraChoice, type(None))
+        instance(self, "domain", Domain, type(None))
         if not self.objects:
             raise SceneError("Scene.objects is empty: a scene needs at least one object")
         seen: set[str] = set()

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from gasp_core.contract import BodyContact, Material, Shape
-from gasp_core.contract.validation import Vector, finite, finite_vector
+from gasp_core.contract.validation import Vector, finite, finite_vector, instance, member
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.columns import Column
@@ -237,6 +237,14 @@ class SplatObject:
             )
         if isinstance(self.splat, str):
             object.__setattr__(self, "splat", Path(self.splat))
+        instance(self, "splat", Path, Gaussians)
+        # As scene files have it.
+        if cast("object", self.collider) is True:
+            object.__setattr__(self, "collider", BodyContact())
+        instance(self, "collider", BodyContact, type(None))
+        instance(self, "reduction", Reduction, hint=', e.g. Reduction(mode="volume")')
+        instance(self, "solid", SolidOptions)
+        member(self, "floaters", Floaters)
         if self.static and self.material is not None:
             raise SceneError(f'SplatObject.material of "{self.name}" has no meaning with static: leave one of them out')
         if self.collider is not None and not self.static:
@@ -247,6 +255,7 @@ class SplatObject:
             raise SceneError(
                 f'SplatObject.material of "{self.name}" is a name: say gasp_core.material_preset("{self.material}")'
             )
+        instance(self, "material", Material, VaryingMaterial, type(None))
         if not self.static and self.material is None:
             raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
         object.__setattr__(self, "parts", tuple(self.parts))

@@ -30,11 +30,8 @@ def read_rigid_motion(table: Table, folder: Path | None) -> RigidMotion:
         return read_moments(path if folder is None else folder / path, center)
     if table.has("times"):
         table.only("times", "places", "quaternions", "center")
-        times = _rows(table, "times", 1)
-        given: dict[str, Any] = {"times": tuple(value for (value,) in times)}
-        given["places"] = _rows(table, "places", 3) if table.has("places") else ((0.0, 0.0, 0.0),) * len(times)
-        upright = ((1.0, 0.0, 0.0, 0.0),) * len(times)
-        given["quaternions"] = _rows(table, "quaternions", 4) if table.has("quaternions") else upright
+        given: dict[str, Any] = {"times": tuple(value for (value,) in _rows(table, "times", 1))}
+        given |= {key: _rows(table, key, width) for key, width in (("places", 3), ("quaternions", 4)) if table.has(key)}
         return table.make(KeyframedMotion, {**given, "center": table.vector("center", (0.0, 0.0, 0.0))})
     return table.build(SteadyMotion)
 
@@ -64,32 +61,34 @@ def read_moments(path: Path, center: tuple[float, float, float]) -> KeyframedMot
     """
     name = shown(path)
     try:
-        text = read_text(path, _LONGEST)
+        # As spreadsheets write it: with a mark before the first letter.
+        text = read_text(path, _LONGEST).removeprefix("\ufeff")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{name}: cannot be read as a file of moments: {reason}") from None
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     names = [one.strip() for one in lines.fieldnames or ()]
     lines.fieldnames = names
-    turning = any(one in names for one in _COLUMNS[4:])
-    for column in _COLUMNS if turning else _COLUMNS[:4]:
+    columns = _COLUMNS if any(one in names for one in _COLUMNS[4:]) else _COLUMNS[:4]
+    for column in columns:
         if column not in names:
-            raise SceneError(f'{name}: has no column "{column}": its first line must name {", ".join(_COLUMNS)}')
+            wanted = ", ".join(columns) if len(columns) > 4 else "time, x, y, z (and qw, qx, qy, qz, if it turns)"
+            raise SceneError(f'{name}: has no column "{column}": its first line must name {wanted}')
     moments: list[tuple[float, ...]] = []
     for line in lines:
         try:
-            moments.append(tuple(float(line[column]) for column in (_COLUMNS if turning else _COLUMNS[:4])))
+            moments.append(tuple(float(line[column]) for column in columns))
         except (TypeError, ValueError):
-            raise SceneError(
-                f"{name}: line {lines.line_num} is no moment: {len(_COLUMNS)} numbers are wanted"
-            ) from None
+            raise SceneError(f"{name}: line {lines.line_num} is no moment: {len(columns)} numbers are wanted") from None
         if not all(math.isfinite(value) for value in moments[-1]):
             raise SceneError(f"{name}: line {lines.line_num} has a number that is not finite")
+    if not moments:
+        raise SceneError(f"{name}: has no moment: a line of {len(columns)} numbers each must follow the names")
     try:
         return KeyframedMotion(
             times=tuple(one[0] for one in moments),
             places=tuple((one[1], one[2], one[3]) for one in moments),
-            quaternions=tuple((one[4], one[5], one[6], one[7]) if turning else (1.0, 0.0, 0.0, 0.0) for one in moments),
+            quaternions=tuple((one[4], one[5], one[6], one[7]) for one in moments) if len(columns) > 4 else (),
             center=center,
         )
     except SceneError as error:

@@ -56,8 +56,8 @@ class SetAside:
     outside_region: int
     first_non_finite: tuple[int, ...]
 
-    def sentences(self, name: str) -> list[str]:
-        """One sentence for each reason that applies, for the user."""
+    def sentences(self, name: str, *, static: bool = False) -> list[str]:
+        """One sentence for each reason that applies to an object, for the user."""
         found: list[str] = []
 
         def say(count: int, what: str) -> None:
@@ -73,8 +73,12 @@ class SetAside:
             Floaters.STILL.value: "float apart from the rest and stay still",
             Floaters.KEEP.value: 'float apart from the rest and are simulated (floaters = "drop" or "still": not)',
         }
+        if static:
+            drawn = 'float apart from the rest (floaters = "drop" leaves them out)'
+            fate |= {Floaters.STILL.value: drawn, Floaters.KEEP.value: drawn}
         say(self.floaters, fate[self.floaters_rule])
-        say(self.outside_region, "are outside the region and stay still")
+        if not static:
+            say(self.outside_region, "are outside the region and stay still")
         return found
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from gasp_core.contract import (
     Precision,
 )
-from gasp_core.contract.validation import Vector, finite, finite_vector
+from gasp_core.contract.validation import Vector, finite, finite_vector, member
 from gasp_core.errors import SceneError
 
 __all__ = ["VIEWS", "CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice", "Viewpoint"]
@@ -62,6 +62,8 @@ class EngineChoice:
             raise SceneError('EngineChoice.name "auto" comes later: name an engine yourself (see `gasp engines`)')
         if not self.name:
             raise SceneError("EngineChoice.name must not be empty")
+        if self.precision is not None:
+            member(self, "precision", Precision)
         finite(self, "seed", low=0)
         if self.frame_limit is not None:
             finite(self, "frame_limit", low=0.0, open_low=True)

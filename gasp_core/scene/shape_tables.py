@@ -38,8 +38,12 @@ def path_of(table: Table, key: str, folder: Path | None) -> Path:
     if folder is None:
         return Path(text)
     try:
-        path = folder / Path(os.path.expandvars(text)).expanduser()
+        # A file may have any name, that of a variable too.
+        path = folder / text
         there = path.exists()
+        if not there:
+            path = folder / Path(os.path.expandvars(text)).expanduser()
+            there = path.exists()
     except (OSError, ValueError, RuntimeError):
         # A name that is too long, a null character, a home of nobody: none of them is a file.
         path, there = folder, False

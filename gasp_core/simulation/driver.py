@@ -23,6 +23,7 @@ from gasp_core.contract import (
 from gasp_core.contract.capabilities import check_supported
 from gasp_core.contract.options import build_options
 from gasp_core.discovery.registry import discover
+from gasp_core.engines.held_session import held
 from gasp_core.errors import RecordingError, SceneError
 from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import Progress, Shown, progress_for
@@ -156,6 +157,14 @@ def simulate_part(
     engine, out, device, precision, resume, frames, overwrite, isolate, trust_code, progress, recorded
         As of `simulate`.
     """
+    if not isinstance(scene, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SceneError(f"a Scene is simulated, found {scene!r}: gasp_core.load_scene reads the file of one")
+    if precision is not None:
+        try:
+            precision = Precision(precision)
+        except ValueError:
+            known = ", ".join(one.value for one in Precision)
+            raise SceneError(f"precision must be one of {known}, found {precision!r}") from None
     if frames is not None and frames < 1:
         raise SceneError(f"frames must be at least 1, found {frames!r}")
     refuse_untrusted(scene, trust_code)
@@ -270,8 +279,9 @@ def _opened(
     scene: Scene, assembly: Assembly, chosen: ChosenEngine, options: Any, restart: dict[str, Array]
 ) -> EngineSession:
     """The engine at the start, or where a checkpoint left it."""
-    capabilities = chosen.descriptor.capabilities
-    return chosen.opened(scene.engine).open(
+    capabilities, engine = chosen.descriptor.capabilities, chosen.opened(scene.engine)
+    opening = partial(
+        engine.open,
         assembly.problem,
         device=scene.engine.device or capabilities.devices[0],
         precision=scene.engine.precision or capabilities.precisions[0],
@@ -280,6 +290,7 @@ def _opened(
         options=options,
         restart=restart or None,
     )
+    return held(opening, chosen.descriptor.name, assembly.problem)
 
 
 def _created(path: Path, scene: Scene, prepared: Prepared, header: Header, overwrite: bool) -> RecordingWriter:

@@ -25,6 +25,7 @@ from gasp_core.contract import (
     Status,
 )
 from gasp_core.simulation.driving import drive_speed, work_starts
+from gasp_core.simulation.initial_overlap import rigid_bodies_overlap
 from gasp_core.stepping.body_faces import body_faces
 
 __all__ = [
@@ -86,6 +87,8 @@ class Watch:
         Time from frame to frame [s].
     work_start
         Time [s] from which something does work on the matter: energy says nothing from there on.
+    pushed_apart
+        A rigid body starts inside something, out of which engines move it: what it is lifted by, nobody pays for.
     """
 
     problem: PointProblem
@@ -96,6 +99,7 @@ class Watch:
     diagonal: float
     frame_step: float
     work_start: float
+    pushed_apart: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +158,7 @@ def watch_over(problem: PointProblem, frame_step: float) -> Watch:
         diagonal=diagonal,
         frame_step=frame_step,
         work_start=work_starts(problem),
+        pushed_apart=rigid_bodies_overlap(problem),
     )
 
 
@@ -324,7 +329,7 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
     # What flies through itself is flat for a moment.
     if flat and flattened(watch, before.positions):
         status, reason = Status.CRUSHED, flat
-    bound = _energy_bound(watch, released)
+    bound = _energy_bound(watch, released, now.time)
     if energy is not None and now.time <= watch.work_start and not energy <= bound:
         status = Status.ENERGY_GREW
         reason = f"kinetic energy is {energy:.4g} J, where the start and gravity account for {bound:.4g} J"
@@ -341,14 +346,17 @@ def inspect(watch: Watch, before: PointState, now: PointState) -> Verdict:
     )
 
 
-def _energy_bound(watch: Watch, released: float) -> float:
+def _energy_bound(watch: Watch, released: float, time: float) -> float:
     """Largest credible kinetic energy [J]."""
+    gravity, mass = math.hypot(*watch.problem.gravity), float(watch.masses.sum())
     # Rounding stirs matter at rest, where nothing has been released; speeds nobody can see are let pass.
     drop = _INVISIBLE * watch.diagonal
-    unseen = 0.5 * (drop / watch.frame_step) ** 2 + math.hypot(*watch.problem.gravity) * drop
-    return _ENERGY_MARGIN * (watch.kinetic_energy + max(released, -watch.kinetic_energy)) + unseen * float(
-        watch.masses.sum()
-    )
+    unseen = 0.5 * (drop / watch.frame_step) ** 2 + gravity * drop
+    credible = watch.kinetic_energy + max(released, -watch.kinetic_energy)
+    if watch.pushed_apart:
+        # Wherever matter is put, gravity's power is no more than g sqrt(2 M E): sqrt(2 E) grows by g sqrt(M) a second.
+        credible = 0.5 * (math.sqrt(2 * watch.kinetic_energy) + gravity * time * math.sqrt(mass)) ** 2
+    return _ENERGY_MARGIN * credible + unseen * mass
 
 
 def _jump(watch: Watch, before: PointState, now: PointState) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import KeyframedMotion, RigidMotion, SteadyMotion
 from gasp_core.gaussians import rotation_matrices
 
-__all__ = ["Pose", "pose_of", "rotation_matrix", "starts_of"]
+__all__ = ["Pose", "abrupt_times", "pose_of", "rotation_matrix", "starts_of"]
 
 Array = NDArray[Any]
 
@@ -114,3 +115,23 @@ def _turn(one: tuple[float, float, float, float], other: tuple[float, float, flo
 def starts_of(motion: RigidMotion) -> float:
     """When it begins to move [s]."""
     return motion.start if isinstance(motion, SteadyMotion) else motion.times[0]
+
+
+def abrupt_times(motion: RigidMotion, way: float, reach: float) -> list[float]:
+    """Moments [s] across which no step may stretch, rising: before and after more than a `way` [m] between two moments.
+
+    Parameters
+    ----------
+    motion
+        Steady ones begin and end abruptly.
+    way
+        That may be passed over [m].
+    reach
+        How far matter is from the center at the most, for what turns [m].
+    """
+    if isinstance(motion, SteadyMotion):
+        return [motion.start, *([motion.end] if math.isfinite(motion.end) else [])]
+    turns = np.array([np.linalg.norm(_turn(*pair)) for pair in pairwise(motion.quaternions)])
+    ways = np.linalg.norm(np.diff(np.array(motion.places), axis=0), axis=1) + reach * turns
+    far = np.flatnonzero(ways > way)
+    return [motion.times[row] for row in np.union1d(far, far + 1)]

@@ -23,7 +23,7 @@ from gasp_core.contract import (
     StepReport,
 )
 from gasp_core.stepping.flow import is_flowing
-from gasp_core.stepping.time_step import event_times
+from gasp_core.stepping.time_step import collider_times, event_times
 
 __all__ = ["CRUSHED_VOLUME", "SteppedSession", "StoppedError", "impulse_change"]
 
@@ -110,7 +110,8 @@ class SteppedSession(ABC, Generic[Held]):
         self._time = time
         self._notes = tuple(notes)
         moments = [] if problem.trajectories is None else problem.trajectories.times
-        self._events = np.union1d(event_times(problem.drives, problem.force_fields), moments)
+        abrupt = collider_times(problem.colliders, problem.points, accuracy.spacing_for(problem.points.size))
+        self._events = np.unique([*event_times(problem.drives, problem.force_fields), *moments, *abrupt])
         self._steps: list[tuple[int, float]] = []
         elastic = [not is_flowing(material) for material in problem.materials]
         self._elastic_count = int(np.array(elastic, dtype=np.bool_)[problem.points.material_ids].sum())

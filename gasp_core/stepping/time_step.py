@@ -33,6 +33,7 @@ from gasp_core.contract import (
     ForceField,
     Impulse,
     Material,
+    PointCloud,
     PointProblem,
     Shape,
     SignedDistanceField,
@@ -41,11 +42,12 @@ from gasp_core.contract import (
 )
 from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import GRADIENT_SHARE, LOOK_TRAVEL
-from gasp_core.stepping.rigid_motion import pose_of
+from gasp_core.stepping.rigid_motion import abrupt_times, pose_of
 
 __all__ = [
     "MotionLimits",
     "driven_speed",
+    "collider_times",
     "event_times",
     "hardening_of",
     "hencky_stiffening",
@@ -278,3 +280,16 @@ def event_times(drives: Sequence[Drive], force_fields: Sequence[ForceField]) -> 
         if not isinstance(event, Impulse) and math.isfinite(event.end):
             times.add(event.end)
     return np.array(sorted(times))
+
+
+def collider_times(colliders: Sequence[Collider], points: PointCloud, spacing: float) -> list[float]:
+    """Times [s] that steps land on, because a collider goes far at once: what leaps within a step meets nothing.
+
+    As far as a quarter of a cell of `spacing` [m], where matter does not see it as a leap.
+    """
+    times: list[float] = []
+    for collider in colliders:
+        if collider.motion is not None:
+            arms = np.linalg.norm(points.reference_positions - np.asarray(collider.motion.center), axis=1)
+            times += abrupt_times(collider.motion, 0.25 * spacing, float(arms.max()))
+    return times

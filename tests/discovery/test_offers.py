@@ -5,7 +5,7 @@ from types import ModuleType
 
 import pytest
 
-from gasp_core.contract import CONTRACT_VERSION
+from gasp_core.contract import CONTRACT_VERSION, Elastic
 from gasp_core.discovery import hookspecs
 from gasp_core.discovery.hookspecs import Command, RendererDescriptor, hookimpl
 from gasp_core.discovery.plugins import hook_names
@@ -148,3 +148,29 @@ def test_renderers_and_commands(descriptor):
 
 def test_descriptor_lists_its_options(descriptor):
     assert descriptor.option_names() == ["time_scale"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"materials": frozenset({"elastic"})}, "capabilities.materials must be a frozenset of classes of Material"),
+        ({"materials": [Elastic]}, "capabilities.materials must be a frozenset"),
+        ({"output_fields": frozenset({"positions"})}, "capabilities.output_fields must be a frozenset of Field"),
+        ({"collider_shapes": frozenset({"plane"})}, "capabilities.collider_shapes"),
+        ({"devices": "cpu"}, "capabilities.devices must be a tuple like"),
+        ({"precisions": ("float64",)}, "capabilities.precisions must be a tuple like"),
+        ({"precisions": ()}, "capabilities.precisions must be a tuple like"),
+        ({"determinism": True}, "capabilities.determinism must be a Determinism, found True"),
+        ({"checkpoints": "yes"}, "capabilities.checkpoints must be True or False, found 'yes'"),
+        ({"stable_step": 1e-3}, "capabilities.stable_step must be a function or None"),
+    ],
+)
+def test_what_an_engine_declares_in_a_wrong_way_is_its_own_fault(descriptor, wrong, says):
+    """And of nobody else: another engine of the same registry is offered."""
+    right = dataclasses.replace(descriptor, name="right")
+    bad = dataclasses.replace(descriptor, capabilities=dataclasses.replace(descriptor.capabilities, **wrong))
+    module = plugin(gasp_point_engines=lambda: [bad])
+    assert says in refused(module)
+    both = Registry.of([module, plugin("gasp_other", gasp_point_engines=lambda: [right])])
+    assert [failure.error for failure in both.failures] == [refused(module)]
+    assert list(both.offers) == ["right"]

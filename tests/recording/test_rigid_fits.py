@@ -12,7 +12,7 @@ from scripted_engine import Scripted
 
 from gasp_core import Recording, rigid_fit, simulate
 from gasp_core.cli.export_motion import export_motion
-from gasp_core.contract import PointState, SteadyMotion
+from gasp_core.contract import Field, PointState, SteadyMotion
 from gasp_core.errors import RecordingError
 from gasp_core.scene.rigid_motions import read_moments
 from gasp_core.stepping.rigid_motion import pose_of
@@ -39,7 +39,12 @@ class Growing(Tumbling):
 
 
 def recorded(scene, engine, out) -> Recording:
-    return simulate(scene, engine=(flying_points.descriptor(checkpoints=False), engine), out=out, progress=False)
+    return simulate(
+        scene,
+        engine=(flying_points.descriptor(checkpoints=False, fields=frozenset({Field.POSITIONS})), engine),
+        out=out,
+        progress=False,
+    )
 
 
 @pytest.fixture

@@ -15,6 +15,8 @@ WATER = Fluid(density=1000, bulk_modulus=1e5)
 SAND = Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3)
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 
+CONSTANT = float(basis(np.array([[0.0, 0.0, 1.0]]), 0)[0, 0])
+
 
 @pytest.fixture(scope="module")
 def ball():
@@ -195,3 +197,32 @@ def test_nothing_is_seen_through_what_hides_the_buried(body):
         alpha = 0.95 * np.exp(-(places**2).sum(axis=1) / (2 * width**2))
         passed *= np.prod(1 - alpha)
     assert passed < 0.02
+
+
+def test_grains_have_the_colour_that_is_seen_around_them(body):
+    """Red Gaussians that hide what is behind, and among them three times as many blue ones that nobody sees."""
+    rng = np.random.default_rng(0)
+    gaussians = body.block.local
+    haze = rng.random(len(gaussians)) < 0.75
+    colours = np.where(haze[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    painted = gaussians.with_(
+        opacities=np.where(haze, 0.02, 0.9), harmonics=((colours - 0.5) / CONSTANT)[:, None].astype(np.float32)
+    )
+    grains = grains_of(body.carrier, painted, 1)
+    shown = 0.5 + CONSTANT * grains.colours
+    # Of 16 around a point a hundredth have no opaque one.
+    assert (shown[:, 0] > 0.9).mean() > 0.95
+    assert 0.2 < grains.opacities.mean() < 0.8
+    hazy = grains_of(body.carrier, painted.with_(opacities=np.full(len(gaussians), 0.02)), 1)
+    np.testing.assert_allclose(hazy.opacities, 0.95 * 0.02 / 0.5, rtol=1e-5)
+    solid = grains_of(body.carrier, painted.with_(opacities=np.full(len(gaussians), 0.9)), 1)
+    np.testing.assert_allclose(solid.opacities, 0.95, rtol=1e-5)
+
+
+def test_no_colour_is_beyond_what_a_screen_shows(body):
+    """Trained Gaussians cancel each other by colours that no screen has; each by itself is shown as it can be."""
+    gaussians = body.block.local
+    wild = np.where(np.arange(len(gaussians))[:, None] % 2, [3.0, -2.0, 0.5], [-2.0, 3.0, 0.5])
+    painted = gaussians.with_(harmonics=((wild - 0.5) / CONSTANT)[:, None].astype(np.float32))
+    shown = 0.5 + CONSTANT * grains_of(body.carrier, painted, 1).colours
+    assert (shown > -1e-6).all() and (shown < 1 + 1e-6).all()

@@ -80,6 +80,21 @@ def test_transparent_pictures_have_straight_colours(recording, dots, tmp_path):
         gasp.render(recording, tmp_path / "a.mp4", size=SIZE, background="transparent")
 
 
+def test_on_a_transparent_background_there_is_no_floor_unless_it_is_asked_for(recording, tmp_path):
+    seen = {}
+    for name, asked in {"default": None, "with": True, "without": False}.items():
+        options = {} if asked is None else {"colliders": asked}
+        gasp.render(recording, tmp_path / name, size=SIZE, background="transparent", frames=[0], **options)
+        seen[name] = painted(tmp_path / name / "frame_0000.png")[:, :, 3] > 0
+    np.testing.assert_array_equal(seen["default"], seen["without"])
+    assert seen["without"].any() and seen["with"].sum() > seen["without"].sum() + 500
+    gasp.render(recording, tmp_path / "white", tmp_path / "a.png", size=SIZE, frames=[0])
+    gasp.render(recording, tmp_path / "bare", size=SIZE, frames=[0], colliders=False)
+    assert not np.array_equal(
+        painted(tmp_path / "white" / "frame_0000.png"), painted(tmp_path / "bare" / "frame_0000.png")
+    )
+
+
 def test_a_turn_around_a_splat_file(tmp_path, dots, recording):
     gasp.write_splat(tmp_path / "blob.ply", recording.gaussians(0))
     gasp.render(tmp_path / "blob.ply", tmp_path / "frames", size=SIZE, turntable=True, up="+z")

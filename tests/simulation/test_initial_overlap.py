@@ -1,10 +1,24 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from gasp_core.contract import BoxShape, Collider, Elastic, HalfSpace, PointCloud, PointProblem, Side
-from gasp_core.simulation.initial_overlap import starts_inside
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    Elastic,
+    HalfSpace,
+    KeyframedMotion,
+    PointCloud,
+    PointProblem,
+    Rigid,
+    Side,
+    SignedDistanceField,
+    SphereShape,
+)
+from gasp_core.simulation.initial_overlap import rigid_bodies_overlap, starts_inside
 
 FLOOR = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
 TANK = Collider(shape=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(1.0, 1.0, 1.0)), side=Side.INSIDE)
@@ -45,3 +59,49 @@ def test_points_outside_their_container_are_in_its_wall() -> None:
 @pytest.mark.parametrize(("height", "lines"), [(-0.049, 0), (-0.051, 1)])
 def test_a_touch_within_half_a_cell_is_none(height: float, lines: int) -> None:
     assert len(told([[0.0, 0.0, height]], [1.0], FLOOR, TANK)) == lines
+
+
+RAISED = dataclasses.replace(FLOOR, motion=KeyframedMotion(times=(0.0, 1.0), places=((0, 0, -2), (0, 0, 0))))
+
+
+def test_a_collider_is_where_its_motion_begins() -> None:
+    """A floor that comes up from 2 m below."""
+    assert told([[0.0, 0.0, -0.3]], [1.0], RAISED) == []
+    ((_, line),) = told([[0.0, 0.0, -2.3]], [1.0], RAISED)
+    assert "the deepest by 0.3 m" in line
+
+
+def test_of_a_field_no_kind_is_told() -> None:
+    ball = SignedDistanceField.sampled(SphereShape(center=(0, 0, 0), radius=0.5), (-1, -1, -1), (1, 1, 1), 0.1)
+    ((_, line),) = told([[0.0, 0.0, 0.0]], [1.0], Collider(shape=ball))
+    assert "start inside collider 1, the deepest by" in line
+
+
+def rigid(positions, *colliders: Collider, bodies=0) -> PointProblem:
+    points = PointCloud(
+        reference_positions=positions,
+        initial_velocities=np.zeros((len(positions), 3)),
+        reference_volumes=np.full(len(positions), 1e-3),
+        material_ids=np.zeros(len(positions)),
+        body_ids=np.broadcast_to(bodies, len(positions)),
+    )
+    return PointProblem(points=points, materials=(Rigid(density=1000.0),), colliders=colliders)
+
+
+def test_rigid_bodies_come_out_and_are_told_so() -> None:
+    ((_, line),) = starts_inside(rigid([[0.0, 0.0, -0.3]], FLOOR), 0.1, ["collider 1"])
+    assert "it is pushed out, slowly" in line
+
+
+@pytest.mark.parametrize(
+    ("problem", "overlaps"),
+    [
+        (rigid([[0, 0, -0.01], [0, 0, 1]], FLOOR), True),
+        (rigid([[0, 0, 0.01], [0, 0, 1]], FLOOR), False),
+        # Cubes of a decimetre, the first of them two.
+        (rigid([[0, 0, 1], [1, 0, 1], [0.5, 0.05, 1]], bodies=[0, 0, 1]), True),
+        (rigid([[0, 0, 1], [1, 0, 1], [0.5, 0.11, 1]], bodies=[0, 0, 1]), False),
+    ],
+)
+def test_whether_rigid_bodies_overlap(problem: PointProblem, overlaps: bool) -> None:
+    assert rigid_bodies_overlap(problem) is overlaps

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gasp_core.contract import KeyframedMotion, SteadyMotion
 from gasp_core.errors import SceneError
-from gasp_core.stepping.rigid_motion import pose_of, starts_of
+from gasp_core.stepping.rigid_motion import abrupt_times, pose_of, starts_of
 
 NUMBERS = st.floats(-3, 3)
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
@@ -87,11 +87,12 @@ def test_a_steady_motion_ends():
     ("change", "wanted"),
     [
         ({"times": ()}, "at least one"),
+        ({"times": (0.0, "soon")}, "times: moment 1 must have a number"),
         ({"places": ((0, 0, 0),)}, "as many places"),
         ({"times": (1.0, 1.0)}, "must rise"),
         ({"times": (0.0, math.nan)}, "finite"),
         ({"quaternions": ((1, 0, 0, 0), (0, 0, 0, 0))}, "no rotation"),
-        ({"places": ((0, 0), (0, 0, 0))}, "3 numbers as place"),
+        ({"places": ((0, 0), (0, 0, 0))}, "places: moment 0 must have 3 numbers"),
         ({"center": (0, 0, math.inf)}, "center"),
     ],
 )
@@ -99,6 +100,30 @@ def test_moments_that_are_none_are_refused(change, wanted):
     right = {"times": (0.0, 1.0), "places": ((0, 0, 0),) * 2, "quaternions": ((1, 0, 0, 0),) * 2}
     with pytest.raises(SceneError, match=wanted):
         KeyframedMotion(**{**right, **change})
+
+
+def test_arrays_are_moments_and_what_is_left_out_stays():
+    times = np.linspace(0, 1, 3)
+    motion = KeyframedMotion(times=times, center=(0, 0, 1))
+    assert motion == KeyframedMotion(
+        times=(0.0, 0.5, 1.0), places=((0, 0, 1),) * 3, quaternions=((1, 0, 0, 0),) * 3, center=(0, 0, 1)
+    )
+    turned = KeyframedMotion(times=times, places=np.ones((3, 3)), quaternions=np.tile([0.0, 1, 0, 0], (3, 1)))
+    assert turned.places == ((1.0, 1.0, 1.0),) * 3
+    assert turned.quaternions == ((0.0, 1.0, 0.0, 0.0),) * 3
+    assert type(turned.times[0]) is float
+
+
+def test_steps_end_where_something_goes_far_or_turns_far_at_once():
+    """A way of more than a given one between two moments: with a tenth of a metre in a tenth of a millisecond no step
+    that begins before it may end after it."""
+    jump = KeyframedMotion(times=(0.0, 0.1, 0.1001, 0.2), places=((0, 0, 0), (0, 0, 0), (0.1, 0, 0), (0.1, 0, 0)))
+    assert abrupt_times(jump, 0.01, 1.0) == [0.1, 0.1001]
+    assert abrupt_times(jump, 0.11, 1.0) == []
+    turn = KeyframedMotion(times=(0.0, 0.5, 1.0), quaternions=((1, 0, 0, 0), (1, 0, 0, 0.01), (1, 0, 0, 1)))
+    assert abrupt_times(turn, 0.1, 1.0) == [0.5, 1.0]
+    assert abrupt_times(SteadyMotion(start=0.2, end=0.3), 1.0, 1.0) == [0.2, 0.3]
+    assert abrupt_times(SteadyMotion(start=0.2), 1.0, 1.0) == [0.2]
 
 
 @pytest.mark.parametrize("change", [{"start": -1.0}, {"start": 1.0, "end": 1.0}, {"velocity": (0, 0, math.nan)}])

@@ -85,8 +85,11 @@ class WorkerSession:
 
     def advance_to(self, time: float) -> StepReport:
         """See `EngineSession.advance_to`."""
-        words = f"advancing to {time:.6g} s" if math.isfinite(time) else "refusing a time"
-        self._time, report = self._asked({"do": "advance", "time": float(time)}, words, _advanced)
+        if self._worker is not None and not (math.isfinite(time) and time >= self._time):
+            raise ValueError(f"cannot advance to {time!r} s: the session is at {self._time!r} s")
+        self._time, report = self._asked(
+            {"do": "advance", "time": float(time)}, f"advancing to {time:.6g} s", _advanced
+        )
         return report
 
     def read(self, fields: frozenset[Field]) -> PointState:
@@ -135,7 +138,11 @@ class WorkerSession:
     def _asked(self, message: Message, doing: str, read: Callable[[Any], T]) -> T:
         if self._worker is None:
             raise ValueError("the session is closed")
-        return answered(self._worker, message, doing, read, self._limits.frame, "set a longer frame_limit")
+        try:
+            return answered(self._worker, message, doing, read, self._limits.frame, "set a longer frame_limit")
+        except ValueError as error:
+            # What the contract has one for has been refused here: this one is the backend's.
+            raise self._worker.crash(f"failed while {doing}: ValueError: {error}") from None
 
     def _unpacked(self, layout: Layout, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
         assert self._worker is not None

@@ -81,12 +81,15 @@ class Measures:
         far one has gone at most in any frame; then what the user wants, then distances."""
         found: dict[str, Any] = {"engine": recording.engine.name, "points": len(recording.start_points)}
         found |= _of_objects(recording)
+        failures: list[str] = []
         for own in self.observables:
             try:
                 found[own.name] = own(recording)
             except (Exception, SystemExit) as error:  # a function of the user's may raise anything
                 found[own.name] = None
-                found["not_observed"] = f"{own.name} fails: {type(error).__name__}: {error}"
+                failures.append(f"{own.name} fails: {type(error).__name__}: {error}")
+        if failures:
+            found["not_observed"] = "; ".join(failures)
         if self.reference is not None:
             try:
                 found |= _distances(Recording.open(self.reference), recording)

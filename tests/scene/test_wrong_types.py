@@ -1,0 +1,116 @@
+"""Values of a wrong kind, given in Python: refused where they are given, with what is wanted."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gasp_core import (
+    Collider,
+    Elastic,
+    EngineAccuracy,
+    EngineChoice,
+    HalfSpace,
+    Recording,
+    Reduction,
+    Scene,
+    SplatObject,
+    load_scene,
+    render,
+    simulate,
+)
+from gasp_core.contract import BodyContact, ContactCondition, Precision, Side
+from gasp_core.errors import GaspError, SceneError
+from gasp_core.scene import scene_to_toml
+
+SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
+FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
+
+
+def thing(**others) -> SplatObject:
+    return SplatObject(**{"name": "thing", "splat": Path("a.ply"), "material": SOFT, **others})
+
+
+def scene(**others) -> Scene:
+    return Scene(**{"duration": 1.0, "frame_rate": 25.0, "objects": (thing(),), **others})
+
+
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        (lambda: Collider(shape=FLOOR, contact="glue"), "Collider.contact must be one of ContactCondition.STICK"),
+        (lambda: Collider(shape="plane"), "Collider.shape must be a shape, found str"),
+        (lambda: Collider(shape=FLOOR, motion={"times": [0]}), "Collider.motion must be a SteadyMotion or Keyframed"),
+        (
+            lambda: thing(reduction="volume"),
+            "SplatObject.reduction must be a Reduction, found 'volume', e.g. Reduction",
+        ),
+        (lambda: thing(splat=np.zeros((5, 3))), "SplatObject.splat must be a Path or Gaussians, found array"),
+        (lambda: thing(material=3), "SplatObject.material must be a Material or VaryingMaterial or None, found 3"),
+        (lambda: thing(floaters="away"), "SplatObject.floaters must be one of Floaters.DROP"),
+        (lambda: scene(engine="taichi-mpm"), "Scene.engine must be an EngineChoice, found 'taichi-mpm', e.g. EngineCh"),
+        (lambda: scene(accuracy=16), "Scene.accuracy must be an EngineAccuracy, found 16"),
+        (lambda: scene(objects=thing()), "Scene.objects must be a tuple of SplatObject, found SplatObject"),
+        (lambda: scene(colliders=(thing(),)), "Scene.colliders[0] must be a Collider, found SplatObject"),
+        (lambda: EngineChoice(name="a", precision="half"), "EngineChoice.precision must be one of Precision.FLOAT32"),
+        (lambda: simulate("cube.toml"), "a Scene is simulated, found 'cube.toml': gasp_core.load_scene reads"),
+        (lambda: simulate(scene(), precision="half"), "precision must be one of float32, float64, found 'half'"),
+        (lambda: render(scene(), "a.png", size=64), "size must be (width, height) in pixels, found 64"),
+        (lambda: render(scene(), "a.png", camera=(1, 1, 1)), "camera must be a text or a CameraChoice"),
+        (lambda: render(scene(), "a.png", "a.png"), "a.png is named twice"),
+    ],
+)
+def test_what_is_of_the_wrong_kind_is_refused_where_it_is_given(made, says):
+    with pytest.raises(GaspError) as caught:
+        made()
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+
+
+def test_what_can_mean_one_thing_alone_is_taken():
+    assert Collider(shape=FLOOR, contact="stick", side="inside") == Collider(
+        shape=FLOOR, contact=ContactCondition.STICK, side=Side.INSIDE
+    )
+    assert SplatObject(name="a", splat="a.ply", static=True, collider=True).collider == BodyContact()
+    assert EngineChoice(name="a", precision="float64").precision is Precision.FLOAT64
+    assert scene(objects=[thing()]).objects == (thing(),)
+
+
+def test_numbers_of_numpy_are_numbers():
+    """And can be written down."""
+    made = scene(
+        duration=np.float32(0.5),
+        frame_rate=np.int64(25),
+        objects=(thing(height=np.float32(0.25), reduction=Reduction(mode="cores", count=3)),),
+        accuracy=EngineAccuracy(resolution=np.int64(16)),
+    )
+    assert type(made.duration) is float and type(made.frame_rate) is int
+    assert type(made.objects[0].height) is float
+    assert "frame_rate = 25\n" in scene_to_toml(made)
+
+
+def test_one_change_is_one_of_several(tmp_path):
+    (tmp_path / "a.ply").touch()
+    (tmp_path / "a.toml").write_text(
+        '[scene]\nduration = 1.0\nframe_rate = 25\n[[object]]\nname = "a"\nsplat = "a.ply"\nmaterial = "rubber"\n'
+    )
+    assert load_scene(tmp_path / "a.toml", "scene.duration=2").duration == 2
+    with pytest.raises(SceneError, match='there is no object "aa", there is "a"'):
+        load_scene(tmp_path / "a.toml", ["object.aa.height=3"])
+
+
+def test_a_frame_is_a_whole_number(scene_of, run, tmp_path):
+    recording = Recording.open(run(scene_of(duration=0.08), tmp_path / "a.gasp").path)
+    np.testing.assert_array_equal(recording.points(1.0), recording.points(1))
+
+
+def test_a_scene_is_no_splat_and_no_recording(scene_of, run, tmp_path):
+    path = run(dataclasses.replace(scene_of(duration=0.08)), tmp_path / "a.gasp").path
+    with pytest.raises(SceneError, match="is a recording, and no scene file: gasp render"):
+        load_scene(path)
+    (tmp_path / "a.splat").write_bytes(b"\xff" * 32)
+    with pytest.raises(SceneError, match="is a splat, and no scene file: gasp new"):
+        load_scene(tmp_path / "a.splat")
