@@ -126,7 +126,8 @@ class _Lines(_Watched):
         self._thread.join()
 
     def say(self, sentence: str) -> None:
-        print(sentence, file=sys.stderr, flush=True)
+        # Part of the outcome, as what is printed in the end is.
+        print(sentence, flush=True)
 
     def _go_on(self) -> None:
         while not self._ended.wait(self.pause):
@@ -167,9 +168,6 @@ class _Cell(_Lines):
         from IPython.display import HTML
 
         self._handle.update(HTML(self.html()))
-
-    def say(self, sentence: str) -> None:
-        print(sentence)
 
     def html(self) -> str:
         """The bar, and how far it is in words."""
