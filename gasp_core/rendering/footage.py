@@ -20,6 +20,7 @@ from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
+from gasp_core.rendering.movers import Movers
 from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
 from gasp_core.scene.file_shapes import SplatShape, resolved
 from gasp_core.scene.loading import load_scene
@@ -141,7 +142,11 @@ class RecordedFootage:
         return DrawnFrames(self.recording)
 
     def subject(self, frame: int) -> RenderInput:
-        """What moves, and what stands still beside it, but for a backdrop."""
+        """What moves, colliders too, and what stands still beside it, but for a backdrop."""
+        return self.movers.joined(self.matter(frame), frame / self.frame_rate)
+
+    def matter(self, frame: int) -> RenderInput:
+        """The same without colliders."""
         drawn = self.drawn(frame)
         grains = np.ones(len(drawn) - len(self.in_subject), dtype=bool)
         return drawn.select(np.concatenate([self.in_subject, grains]))
@@ -149,7 +154,13 @@ class RecordedFootage:
     def positions(self, frame: int) -> Array:
         """Means of the subject: first vertices of the moved simplices, and those that never move."""
         moved = [simplices[:, 0] for simplices in self.recording.simplices(frame).values()]
-        return np.concatenate([self._still, *moved])
+        return self.movers.beside(np.concatenate([self._still, *moved]), frame / self.frame_rate)
+
+    @cached_property
+    def movers(self) -> Movers:
+        """Colliders that move, but for those that are much larger than all that is simulated."""
+        moving = self.recording.reference.means[self.recording.moving]
+        return Movers.of(self.colliders, _BACKDROP * _size(moving))
 
     @cached_property
     def _still(self) -> Array:

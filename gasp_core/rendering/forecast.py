@@ -48,7 +48,7 @@ class Forecast:
         self.frame_count = count
         recording = footage.recording
         names = [entry.name for entry in recording.header.objects]
-        self._start = footage.subject(0)
+        self._start, self._movers, self._frame_rate = footage.matter(0), footage.movers, footage.frame_rate
         rows = np.flatnonzero(footage.in_subject)
         owner = np.full(len(footage.in_subject), -1)
         for number, entry in enumerate(recording.header.objects):
@@ -65,10 +65,13 @@ class Forecast:
 
     def subject(self, frame: int) -> RenderInput:
         """What is to be in the picture."""
-        return dataclasses.replace(self._start, means=self.positions(frame))
+        return self._movers.joined(dataclasses.replace(self._start, means=self._means(frame)), frame / self._frame_rate)
 
     def positions(self, frame: int) -> Array:
         """Means of the subject."""
+        return self._movers.beside(self._means(frame), frame / self._frame_rate)
+
+    def _means(self, frame: int) -> Array:
         return self._start.means + self._shifts[self._owner, frame]
 
 

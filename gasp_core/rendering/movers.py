@@ -1,0 +1,101 @@
+"""Colliders that move, as something to be in the picture: dots on their surface, which are measured and never drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gasp_core.contract import BoxShape, Collider, SignedDistanceField, SphereShape
+from gasp_core.render_input import RenderInput
+from gasp_core.stepping.rigid_motion import pose_of
+
+__all__ = ["Movers"]
+
+Array = NDArray[Any]
+
+_ACROSS = 9
+"""Dots along each side of a surface."""
+_WEIGHT = 0.02
+"""Share of all places that those of colliders are at the least: a thousandth is passed over as being outermost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Movers:
+    """Dots on colliders that move.
+
+    Parameters
+    ----------
+    colliders
+        Those that are no larger than what is simulated could be.
+    dots : of each, (M, 3) [m]
+        On its surface, where it stands in the scene.
+    """
+
+    colliders: tuple[Collider, ...]
+    dots: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, colliders: Sequence[Collider], largest: float) -> Self:
+        """Of those of the colliders that move and are not larger than `largest` [m], across."""
+        found: list[tuple[Collider, Array]] = []
+        for collider in colliders:
+            dots = _surface(collider.shape) if collider.motion is not None else None
+            if dots is not None and len(dots) and float(np.linalg.norm(np.ptp(dots, axis=0))) <= largest:
+                found.append((collider, dots))
+        return cls(colliders=tuple(one for one, _ in found), dots=tuple(dots for _, dots in found))
+
+    def at(self, time: float) -> Array:
+        """Where the dots are at a time [s], (M, 3) [m]."""
+        places = [np.zeros((0, 3))]
+        for collider, dots in zip(self.colliders, self.dots):
+            assert collider.motion is not None
+            pose = pose_of(collider.motion, time)
+            places.append(pose.place + (dots - pose.center) @ pose.rotation.T)
+        return np.concatenate(places)
+
+    def beside(self, positions: Array, time: float) -> Array:
+        """Positions (N, 3) [m], and the dots at a time, as often as it takes for them to count."""
+        dots = self.at(time)
+        return np.concatenate([positions, *[dots] * int(np.ceil(_WEIGHT * len(positions) / max(len(dots), 1)))])
+
+    def joined(self, splats: RenderInput, time: float) -> RenderInput:
+        """Gaussians, and opaque ones at the dots: an outline that has the colliders in it."""
+        dots = self.at(time)
+        if not len(dots) or splats.quaternions is None or splats.scales is None:
+            return splats
+        count = len(dots)
+        widths = np.concatenate([np.full(len(own), np.ptp(own, axis=0).max() / (2 * _ACROSS)) for own in self.dots])
+        turns = splats.turns
+        return RenderInput(
+            means=np.concatenate([splats.means, dots]),
+            opacities=np.concatenate([splats.opacities, np.ones(count)]),
+            harmonics=np.concatenate([splats.harmonics, np.zeros((count, *splats.harmonics.shape[1:]))]),
+            quaternions=np.concatenate([splats.quaternions, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))]),
+            scales=np.concatenate([splats.scales, np.repeat(widths[:, None], 3, axis=1)]),
+            turns=None if turns is None else np.concatenate([turns, np.tile(np.eye(3), (count, 1, 1))]),
+        )
+
+
+def _surface(shape: object) -> Array | None:
+    """Dots (M, 3) [m] on a surface; None of one without an end."""
+    if isinstance(shape, BoxShape):
+        grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, _ACROSS)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        outside = (np.abs(grid) == 1).any(axis=1)
+        return np.asarray(shape.center) + grid[outside] * np.asarray(shape.half_extents)
+    if isinstance(shape, SphereShape):
+        # Spread evenly (Fibonacci).
+        number = np.arange(2 * _ACROSS**2) + 0.5
+        z, angle = 1 - 2 * number / len(number), np.pi * (1 + 5**0.5) * number
+        flat = np.sqrt(1 - z**2)
+        return np.asarray(shape.center) + shape.radius * np.stack(
+            [np.cos(angle) * flat, np.sin(angle) * flat, z], axis=1
+        )
+    if isinstance(shape, SignedDistanceField):
+        near = np.argwhere(np.abs(shape.values) <= shape.spacing)
+        near = near[:: max(1, len(near) // (6 * _ACROSS**2))]
+        return np.asarray(shape.origin) + shape.spacing * near
+    return None
