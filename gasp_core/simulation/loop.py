@@ -114,7 +114,7 @@ class FrameLoop:
     def _advance(self, last: int, opening: Callable[[], EngineSession], end: int) -> str:
         """Run the engine; why it stopped early, or nothing."""
         scene = self._scene
-        with opening() as session, _interrupt() as interrupted:
+        with opening() as session, _interrupt(self._shown.say) as interrupted:
             self._expect_time(session, last)
             self._shown.watch(lambda: session.time * scene.frame_rate)
             before = session.read(self._fields)
@@ -307,8 +307,8 @@ class FrameLoop:
 
 
 @contextmanager
-def _interrupt() -> Generator[threading.Event]:
-    """An event that Ctrl-C sets; a second Ctrl-C interrupts at once."""
+def _interrupt(say: Callable[[str], None]) -> Generator[threading.Event]:
+    """An event that Ctrl-C sets, and says so; a second Ctrl-C interrupts at once."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event
@@ -318,6 +318,7 @@ def _interrupt() -> Generator[threading.Event]:
     def stop(number: int, frame: FrameType | None) -> None:
         event.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        say("stops when this frame is done; Ctrl-C once more stops it at once")
 
     signal.signal(signal.SIGINT, stop)
     try:

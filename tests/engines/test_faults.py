@@ -79,13 +79,14 @@ def test_a_dying_worker_is_an_error_and_leaves_nothing_but_its_log(
         assert words in str(caught.value)
         assert "advancing to 0.1 s" in str(caught.value)
         assert more in str(caught.value)
-        (log,) = logs()
-        assert str(log) in str(caught.value)
+        # Where it printed something, that is kept.
+        kept = logs()
+        assert str(kept[0]) in str(caught.value) if kept else "its worker printed nothing" in str(caught.value)
         # It stays dead, and says the same of it.
         with pytest.raises(EngineCrashedError, match="frail"):
             session.read(frozenset({Field.POSITIONS}))
     assert gone(pid, *(process.pid for process in psutil.process_iter() if _group(process.pid) == pid))
-    assert logs() == [log]
+    assert logs() == kept
 
 
 def _group(pid):
@@ -100,10 +101,10 @@ def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, go
     from gasp_core.engines.worker.session import Limits
 
     note, read = told
-    with pytest.raises(EngineCrashedError, match="while opening the scene"):
+    with pytest.raises(EngineCrashedError, match="while opening the scene") as caught:
         opened(open_worker(registry.offer("frail"), Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
     assert gone(read()["pid"])
-    assert len(logs()) == 1
+    assert len(logs()) == int("its worker printed nothing" not in str(caught.value))
 
 
 def test_a_fork_of_this_process_ends_nobody_elses_worker(isolated, opened, problem):

@@ -139,13 +139,17 @@ class WorkerProcess:
         return answer
 
     def crash(self, what: str) -> EngineCrashedError:
-        """The error for a worker that is of no more use, which is ended; its log is kept."""
+        """The error for a worker that is of no more use, which is ended; its log is kept where it says something."""
         self._end_group()
-        self._scratch.keep()
         # Of a traceback, the frames that are the same every time say nothing.
         last = shown(tail(self.log, without=[_OWN_FOLDER]))
-        said = f", which ends: {last}" if last else " (empty)"
-        self._obituary = f'engine "{self.name}" {what}; log of its worker: {self.log}{said}'
+        if last:
+            self._scratch.keep()
+            said = f"log of its worker: {self.log}, which ends: {last}"
+        else:
+            self._scratch.remove()
+            said = "its worker printed nothing"
+        self._obituary = f'engine "{self.name}" {what}; {said}'
         return EngineCrashedError(self._obituary)
 
     def discard_log(self) -> None:

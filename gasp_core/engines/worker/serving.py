@@ -101,7 +101,7 @@ def _failure(error: BaseException) -> Message:
         kind = next(kind.__name__ for kind in type(error).__mro__ if kind.__name__ in errors.__all__)
         report = to_plain(error.report, {}) if isinstance(error, EngineDivergedError) else None
         return {"kind": kind, "words": str(error), "report": report}
-    traceback.print_exception(error)
     if type(error) is ValueError:
         return {"kind": "ValueError", "words": str(error)}
+    traceback.print_exception(error)
     return {"kind": None, "words": one_line(error)}

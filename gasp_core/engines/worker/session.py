@@ -138,11 +138,7 @@ class WorkerSession:
     def _asked(self, message: Message, doing: str, read: Callable[[Any], T]) -> T:
         if self._worker is None:
             raise ValueError("the session is closed")
-        try:
-            return answered(self._worker, message, doing, read, self._limits.frame, "set a longer frame_limit")
-        except ValueError as error:
-            # What the contract has one for has been refused here: this one is the backend's.
-            raise self._worker.crash(f"failed while {doing}: ValueError: {error}") from None
+        return answered(self._worker, message, doing, read, self._limits.frame, "set a longer frame_limit")
 
     def _unpacked(self, layout: Layout, empty: Callable[[tuple[int, ...], Any], Array] = np.empty) -> dict[str, Array]:
         assert self._worker is not None
