@@ -25,6 +25,7 @@ from gasp_core.contract import (
     Impulse,
     Pinned,
     PointProblem,
+    SphereShape,
     Status,
     StepReport,
     Wind,
@@ -53,6 +54,9 @@ _HERE = np.array([0.37, 0.21, 0.11])
 _AWAY = _HERE + [3.0, 0.0, 0.0]
 _AROUND = BoxShape(center=tuple(_HERE + 0.1), half_extents=(0.8, 0.8, 0.8))
 """Far wider than what is at `_HERE`: nothing of it, and no node it speaks to, is outside."""
+_BALL = SphereShape(center=tuple(_HERE + 0.1), radius=3.0)
+_BESIDE = _HERE + [2.75, 2.75, 0.0]
+"""Not in the ball, by seven cells, but in the box around it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,9 +119,14 @@ class Edge:
     finite: bool
 
 
+def _round_region(subject: Subject) -> BoxShape | SphereShape:
+    """A ball that one of two blocks is in, or the box around that, where an engine knows no balls as regions."""
+    return _BALL if SphereShape in subject.descriptor.capabilities.region_shapes else _AROUND
+
+
 def _two_blocks(subject: Subject, velocity: Any, **scene: Any) -> tuple[PointProblem, Array, Array]:
-    """One block within `_AROUND`, one far from it, both thrown alike."""
-    blocks = [box_of_points(corner, (2, 2, 2), _SPACING) for corner in (_HERE, _AWAY)]
+    """One block within `_AROUND` and `_BALL`, one in neither, both thrown alike."""
+    blocks = [box_of_points(corner, (2, 2, 2), _SPACING) for corner in (_HERE, _BESIDE)]
     problem = PointProblem(
         points=cloud_of(blocks, [velocity, velocity], _SPACING), materials=(stiff_material(subject),), **scene
     )
@@ -148,7 +157,7 @@ def pinned_block(subject: Subject) -> Grip:
         subject,
         (0.0, 0.0, 0.0),
         gravity=tuple(gravity),
-        drives=(Pinned(region=_AROUND, start=start, end=end),),
+        drives=(Pinned(region=_round_region(subject), start=start, end=end),),
     )
     times = [start, 0.5 * (start + end), end, 0.3]
     places, step, rounded = _snapshots(subject, problem, times)
@@ -310,7 +319,7 @@ def wind_on_block(subject: Subject) -> Grip:
     """A drifting block is blown upon from 0.1 s to 0.5 s, and drifts on as fast as it then is."""
     start, end, late, drag = 0.1, 0.5, 0.7, 3.0
     velocity, air = np.array([0.1, 0.4, -0.3]), np.array([1.0, -0.6, 0.5])
-    wind = Wind(region=_AROUND, start=start, end=end, velocity=tuple(air), drag=drag)
+    wind = Wind(region=_round_region(subject), start=start, end=end, velocity=tuple(air), drag=drag)
     problem, blown, free = _two_blocks(subject, velocity, gravity=NO_GRAVITY, force_fields=(wind,))
     times = [start, 0.3, end, late]
     places, step, rounded = _snapshots(subject, problem, times)

@@ -41,6 +41,8 @@ _SPACING = 0.1
 _CELLS = 2
 _SPEED = 1.0
 _TILTED = (1 / 3, 2 / 3, 2 / 3)
+_FAR = 20.0
+"""[m]"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +176,10 @@ def _shapes(kind: type[Any], side: Side) -> Sequence[AnyShape]:
 def _impact(subject: Subject, given: Shape, shape: AnyShape, side: Side) -> Impact:
     """One block at a time, so that they cannot run into each other."""
     sign = 1.0 if side is Side.OUTSIDE else -1.0
-    collider = Collider(shape=given, contact=_contact(subject), side=side)
+    contact = _contact(subject)
+    collider = Collider(shape=given, contact=contact, side=side)
+    # Neither the first of all colliders nor the last: the others are where nothing goes.
+    before, after = (Collider(shape=_far_away(given, way), contact=contact) for way in (-1.0, 1.0))
     # An impact at 1 m/s, a tenth of the speed of sound, squeezes it by about a tenth.
     material = stiff_material(subject, 10.0)
     depth, gap, reach, free_error = -math.inf, -math.inf, math.inf, 0.0
@@ -185,7 +190,7 @@ def _impact(subject: Subject, given: Shape, shape: AnyShape, side: Side) -> Impa
         problem = PointProblem(
             points=cloud_of([block], [velocity], _SPACING),
             materials=(material,),
-            colliders=(collider,),
+            colliders=(before, collider, after),
             gravity=NO_GRAVITY,
         )
         journal = Journal()
@@ -208,6 +213,20 @@ def _impact(subject: Subject, given: Shape, shape: AnyShape, side: Side) -> Impa
             unheld = block + velocity * times[-1]
             reach = min(reach, -float((sign * shape.signed_distance(unheld)).mean()) / _SPACING)
     return Impact(depth=depth, gap=gap, reach=reach, free_error=free_error)
+
+
+def _far_away(shape: Shape, way: float) -> Shape:
+    """A shape of the same kind that nothing comes near, along x to one side or the other."""
+    if isinstance(shape, HalfSpace):
+        return HalfSpace(point=(_FAR * way, 0.0, 0.0), normal=(-way, 0.0, 0.0))
+    if isinstance(shape, SignedDistanceField):
+        x, y, z = shape.origin
+        ball = SphereShape(center=(x + _FAR * way, y, z), radius=0.3)
+        low, high = (tuple(np.asarray(ball.center) + side * 0.5) for side in (-1, 1))
+        return SignedDistanceField.sampled(ball, low, high, _SPACING)
+    assert isinstance(shape, BoxShape | SphereShape)
+    x, y, z = shape.center
+    return replace(shape, center=(x + _FAR * way, y, z))
 
 
 def on_slope(

@@ -173,7 +173,10 @@ class Locks(Mutant):
         return replace(material, youngs_modulus=material.lame_lambda + 2 * material.shear_modulus)
 
 
-@mutant("first-material-for-all", {"density-ratio": "momentum error"})
+@mutant(
+    "first-material-for-all",
+    {"density-ratio": "momentum error", "material:elastic[stretch]": "bar along itself: frequency error"},
+)
 class FirstMaterialForAll(Mutant):
     """All bodies are made of the first material."""
 
@@ -469,6 +472,46 @@ class DrivesNeverEnd(Mutant):
 
     def problem(self, problem: PointProblem) -> PointProblem:
         return replace(problem, drives=tuple(replace(one, end=np.inf) for one in problem.drives))
+
+
+@mutant(
+    "first-collider-alone", {"collider:plane[outside]": "deepest point", "collider:sphere[outside]": "deepest point"}
+)
+class FirstColliderAlone(Mutant):
+    """Of several colliders it knows the first."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, colliders=problem.colliders[:1])
+
+
+@mutant("last-collider-alone", {"collider:plane[outside]": "deepest point", "collider:box[inside]": "deepest point"})
+class LastColliderAlone(Mutant):
+    """Of several colliders it knows the last."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, colliders=problem.colliders[-1:])
+
+
+@mutant(
+    "round-regions-are-boxes",
+    {"drive:pinned": "error of matter elsewhere", "force-field:wind": "error of matter elsewhere"},
+)
+class RoundRegionsAreBoxes(Mutant):
+    """A region that is a ball is taken for the box around it."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(
+            problem,
+            drives=tuple(map(_boxed, problem.drives)),
+            force_fields=tuple(map(_boxed, problem.force_fields)),
+        )
+
+
+def _boxed(acting: Any) -> Any:
+    ball = acting.region
+    if not isinstance(ball, SphereShape):
+        return acting
+    return replace(acting, region=BoxShape(center=ball.center, half_extents=(ball.radius,) * 3))
 
 
 @mutant("first-drive-wins", {"drive:driven": "error of what two drives hold"})
