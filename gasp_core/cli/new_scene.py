@@ -21,6 +21,8 @@ __all__ = ["new", "scene_text"]
 
 _AXES = ("-y", "+y", "+z", "-z", "+x", "-x")
 _HEIGHT = 0.4
+_HARD = 1e9
+"""Young's modulus [Pa] from which on a material is taken for rigid: of wood, stone and metals."""
 _MATERIAL = "soft rubber"
 _LONGEST_NAME = 100
 _DROP = 0.5
@@ -105,6 +107,7 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     up, sure
         The file's axis that is up, and whether there is anything to say so.
     """
+    from gasp_core.scene.presets import find_preset
     from gasp_core.scene.writing import path_from, toml_text
 
     tall = _HEIGHT if height is None else height
@@ -114,6 +117,10 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     upright = "it stands on its widest end so" if sure else "as 3DGS writes files; it lies on its side? try another"
     guess = "a guess: no file knows; say it" if height is None else "from its lowest Gaussian to its highest"
     made = "a guess; gasp materials lists what there is" if material is None else "gasp materials says its numbers"
+    substance = f'"{material or _MATERIAL}"'
+    if getattr(find_preset(material or _MATERIAL).material, "youngs_modulus", 0.0) >= _HARD:
+        # In reality it gives way by what nobody sees; elastic it would spring back whole, after very many steps.
+        substance, made = f'{{ preset = {substance}, model = "rigid" }}', f"{made}; rigid, as it gives way invisibly"
     rows = {
         "name": (toml_text(shown(stem)[:_LONGEST_NAME]), ""),
         "splat": (toml_text(path_from(splat, scene.parent)), ""),
@@ -122,7 +129,7 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
         "position": (f"[0, 0, {_DROP * tall:g}]", "metres: the middle of its foot, and how high its lowest point is"),
         "rotation": ("[0, 0, 0]", "degrees about x, y and z"),
         "velocity": ("[0, 0, 0]", "metres a second"),
-        "material": (f'"{material or _MATERIAL}"', made),
+        "material": (substance, made),
     }
     wide = max(len(f"{key} = {value}") for key, (value, comment) in rows.items() if comment)
     lines = [f"{key} = {value}".ljust(wide if comment else 0) + (f"  # {comment}" if comment else "")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from installed_engines import needs_renderer
 
-from gasp_core import Recording, load_scene, write_splat
+from gasp_core import Recording, Rigid, load_scene, write_splat
 from gasp_core.scene.standing import guess_up
 
 
@@ -40,6 +40,14 @@ def test_a_scene_is_named_after_its_splat_and_finds_it_from_where_it_is(gasp, wo
     (workplace / "here").mkdir()
     assert gasp("new", "toy.ply", "-o", "here/a.toml").status == 0
     assert load_scene("here/a.toml").objects[0].splat == workplace / "toy.ply"
+
+
+@pytest.mark.parametrize(("material", "rigid"), [("stone", True), ("wood", True), ("steel", True), ("rubber", False)])
+def test_what_is_hard_is_rigid(gasp, workplace, material, rigid):
+    """Stone that is elastic springs back as rubber does."""
+    assert gasp("new", "toy.ply", "-o", "made.toml", "--height", "1.7", "--material", material, "--yes").status == 0
+    made = load_scene("made.toml").objects[0].material
+    assert isinstance(made, Rigid) is rigid
 
 
 @pytest.mark.parametrize(
