@@ -94,20 +94,29 @@ def load_camera(path: str | Path) -> CameraChoice:
 
 def _text_of(path: Path) -> str:
     name = shown(path)
-    if (path / "zarr.json").exists():
-        raise SceneError(f"{name}: is a recording, and no scene file: gasp render {name} shows it")
-    if any(path.name.lower().endswith(suffix) for suffix in _SPLATS) and path.is_file():
-        raise SceneError(f"{name}: is a splat, and no scene file: gasp new {name} writes a scene of it")
     try:
-        return read_text(path, _LONGEST_SCENE)
+        text = read_text(path, _LONGEST_SCENE)
     except FileNotFoundError:
         raise SceneError(f"{name}: no such scene file") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{name}: is not a text file in UTF-8, so no scene file (TOML)") from None
+    except IsADirectoryError as error:
+        if (path / "zarr.json").exists():
+            raise SceneError(f"{name}: is a recording, and no scene file: gasp render {name} shows it") from None
+        raise SceneError(f"{name}: cannot be read: {error.strerror}") from None
     except OSError as error:
         raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
+        if path.name.lower().endswith(_SPLATS):
+            raise _splat(name) from None
+        if isinstance(error, UnicodeDecodeError):
+            raise SceneError(f"{name}: is not a text file in UTF-8, so no scene file (TOML)") from None
         raise SceneError(f"{name}: is no scene file: {error}") from None
+    if path.name.lower().endswith(_SPLATS):
+        raise _splat(name)
+    return text
+
+
+def _splat(name: str) -> SceneError:
+    return SceneError(f"{name}: is a splat, and no scene file: gasp new {name} writes a scene of it")
 
 
 def read_scene(text: str, *, file: str, folder: Path | None, changes: Sequence[str] = ()) -> Scene:

@@ -89,7 +89,7 @@ def test_scene_that_is_not_there(refused):
 
 
 def test_scene_that_is_a_splat(refused):
-    refused("run", "toy.ply", says=["toy.ply", "TOML"])
+    refused("run", "toy.ply", says=["toy.ply: is a splat", "gasp new toy.ply"])
 
 
 def test_scene_that_is_a_folder(refused, workplace):
