@@ -133,7 +133,7 @@ def make_move(real: Any, kinds: frozenset[str], gather: Callable[..., Any]) -> C
                         excess = volume / open_share(true, forcing, fields, control, drive_set) - 1.0
                         shrinking = ti.cast(crowding * ti.max(excess - ti.f64(CROWDING_TOLERANCE), 0.0), real)
                         shrunk = history - (1 + history) * shrinking / (1 + shrinking)
-                        least = ti.cast(CROWDED_VOLUME_RATIO - 1, real)
+                        least = ti.cast(ti.f64(CROWDED_VOLUME_RATIO) - ti.f64(1.0), real)
                         history = ti.max(shrunk, ti.min(history, least))
         kept = points[r + words.VELOCITY]
         # Whole rows in one go, before anything branches: what is stored as vectors of four is computed as such.
