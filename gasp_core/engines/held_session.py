@@ -37,7 +37,8 @@ def held(opening: Callable[[], EngineSession], engine: str, problem: PointProble
         # An engine that goes elsewhere takes along what is written by relative paths.
         with contextlib.chdir("."):
             session = opening()
-    except GaspError:
+    except (GaspError, ImportError):
+        # An engine may import its backend only now: whoever opens it says what is to be installed.
         raise
     except SystemExit as error:
         raise EngineCrashedError(

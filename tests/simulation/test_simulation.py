@@ -23,6 +23,7 @@ from gasp_core import (
 )
 from gasp_core.contract import Field, Status
 from gasp_core.errors import (
+    EngineCrashedError,
     EngineDivergedError,
     RecordingError,
     SceneError,
@@ -171,7 +172,7 @@ def test_a_run_that_is_no_longer_credible_stops_and_keeps_what_was_good(fault, s
 
 
 def test_an_engine_that_falls_over(scene_of, run, tmp_path):
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(EngineCrashedError, match=r"ballistic failed while advancing to 0\.2 s: ZeroDivisionError"):
         run(scene_of(options={"fault": "error", "fault_time": 0.2}), tmp_path / "a.gasp")
     recording = Recording.open(tmp_path / "a.gasp")
     assert (recording.status, recording.frame_count) == ("incomplete", 5)

@@ -113,7 +113,7 @@ def test_what_failed_is_made_again_and_what_was_refused_is_not(scene, tmp_path):
     out = tmp_path / "out"
     settings = settings_of(["engine.options.note=" + str(tmp_path / "no" / "folder"), "object.toy.height=0.3,-1"])
     first = sweep(planned(scene, settings), out, progress=False)
-    assert [row.status for row in first.rows] == ["failed", "refused"]
+    assert [row.status for row in first.rows] == ["crashed", "refused"]
     (tmp_path / "no").mkdir()
     again = sweep(planned(scene, settings), out, progress=False)
     assert [row.status for row in again.rows] == ["complete", "refused"] and again.kept == 1
