@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["basis", "material_directions", "turn_coefficients"]
+__all__ = ["basis", "material_directions", "spread_directions", "turn_coefficients"]
 
 Array = NDArray[Any]
 
@@ -74,15 +74,19 @@ def basis(directions: Array, degree: int) -> Array:
     return np.stack(columns, axis=1)
 
 
-@lru_cache(maxsize=8)
-def _sampling(degree: int) -> tuple[Array, Array]:
-    """Directions (K, 3) spread over the sphere, and the matrix (2l + 1, K) that projects band `degree` from them."""
-    count = 4 * (2 * degree + 1)
+def spread_directions(count: int) -> Array:
+    """Unit vectors (count, 3) spread evenly over the sphere, along the golden spiral (Fibonacci)."""
     step = np.arange(count) + 0.5
     height = 1 - 2 * step / count
     turn = np.pi * (1 + 5**0.5) * step
     radius = np.sqrt(1 - height * height)
-    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+
+
+@lru_cache(maxsize=8)
+def _sampling(degree: int) -> tuple[Array, Array]:
+    """Directions (K, 3) spread over the sphere, and the matrix (2l + 1, K) that projects band `degree` from them."""
+    directions = spread_directions(4 * (2 * degree + 1))
     return directions, np.linalg.pinv(basis(directions, degree)[:, degree**2 :])
 
 

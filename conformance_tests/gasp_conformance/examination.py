@@ -176,19 +176,13 @@ class Examination:
         if one is None:
             return report
         excused = hasattr(report, "wasxfail")
-        known = one.name in self._deviations
-        if known and excused and call.excinfo is not None and not _is_excusable(call.excinfo.value):
+        listed = one.name in self._deviations
+        if excused and listed and call.excinfo is not None and not _is_excusable(call.excinfo.value):
             # A figure beside its bound is known, and that an engine refuses; what breaks in it is not.
-            report.outcome = "failed"
-            report.longrepr = f"{one.name} may deviate, but not break: {call.excinfo.exconly()}"
-            del report.wasxfail
-            excused = False
-        if report.skipped and (one.check.level is Level.CORE or (excused and one.name not in self._deviations)):
+            _fail(report, f"{one.name} may deviate, but not break: {call.excinfo.exconly()}")
+        elif report.skipped and (one.check.level is Level.CORE or (excused and not listed)):
             self._left_away = True
-            report.outcome = "failed"
-            report.longrepr = f"{one.name} may not be {'excused' if excused else 'left out'}: {_why(report)}"
-            if excused:
-                del report.wasxfail
+            _fail(report, f"{one.name} may not be {'excused' if excused else 'left out'}: {_why(report)}")
         if report.when == "call" and report.failed and call.excinfo is None and one.name in self._deviations:
             self._stale = True
         self._phases.append(report)
@@ -271,6 +265,14 @@ def _why(report: pytest.TestReport) -> str:
         # What follows the message is pytest's explanation of the expression.
         text = text.removeprefix("AssertionError: ").partition("\n")[0]
     return " ".join(text.split())[:_LONGEST_REASON]
+
+
+def _fail(report: pytest.TestReport, why: str) -> None:
+    """Make of what was excused or left out a failure."""
+    report.outcome, report.longrepr = "failed", why
+    # To pytest whatever has this attribute was expected to end so, and is no failure: with it the run would pass.
+    if hasattr(report, "wasxfail"):
+        del report.wasxfail
 
 
 def _is_excusable(error: BaseException) -> bool:

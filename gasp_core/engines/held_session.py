@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineSession, Field, PointProblem, PointState, Status, StepReport
 from gasp_core.discovery.loading import one_line
+from gasp_core.engines.passing_session import PassingSession
 from gasp_core.engines.worker.session import shapes_of
 from gasp_core.errors import EngineCrashedError, GaspError
 
@@ -49,7 +49,7 @@ def held(opening: Callable[[], EngineSession], engine: str, problem: PointProble
     return HeldSession(session, engine, problem)
 
 
-class HeldSession:
+class HeldSession(PassingSession):
     """An `EngineSession` that passes everything on, and looks at what comes back.
 
     A worker of its own process is looked at where its answers are read; engines in this one are only here.
@@ -65,15 +65,10 @@ class HeldSession:
     """
 
     def __init__(self, session: EngineSession, engine: str, problem: PointProblem) -> None:
-        self._session = session
+        super().__init__(session)
         self._engine = engine
         # Whatever is declared: what is asked for and missing is told of as that.
         self._shapes = shapes_of(problem, frozenset(Field))
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._session.time
 
     def advance_to(self, time: float) -> StepReport:
         """See `EngineSession.advance_to`."""
@@ -109,19 +104,6 @@ class HeldSession:
             if not isinstance(name, str) or np.asarray(array).dtype.hasobject:
                 raise self._fault(doing, f"gives {array!r:.60} as {name!r:.60}, which is no array of numbers")
         return cast("Mapping[str, Array]", found)
-
-    def close(self) -> None:
-        """End the session."""
-        self._session.close()
-
-    def __enter__(self) -> Self:
-        self._session.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self._session.__exit__(kind, error, trace)
 
     def _look_at(self, values: object, field: Field, doing: str) -> None:
         if not isinstance(values, np.ndarray):

@@ -93,5 +93,6 @@ def rigid_fit(recording: Recording, name: str) -> RigidFit:
         if quaternions[row] @ (quaternions[row - 1] if row else (1.0, 0.0, 0.0, 0.0)) < 0:
             quaternions[row] *= -1
         residuals[row] = distance / np.sqrt(len(arms))
-    times = np.array([recording.commit(frame).time for frame in frames])
-    return RigidFit(times=times, center=center, places=places, quaternions=quaternions, residuals=residuals)
+    return RigidFit(
+        times=recording.times[frames], center=center, places=places, quaternions=quaternions, residuals=residuals
+    )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import BoxShape, Collider, SignedDistanceField, SphereShape
+from gasp_core.harmonics import spread_directions
 from gasp_core.render_input import RenderInput
 from gasp_core.stepping.rigid_motion import pose_of
 
@@ -87,13 +88,7 @@ def _surface(shape: object) -> Array | None:
         outside = (np.abs(grid) == 1).any(axis=1)
         return np.asarray(shape.center) + grid[outside] * np.asarray(shape.half_extents)
     if isinstance(shape, SphereShape):
-        # Spread evenly (Fibonacci).
-        number = np.arange(2 * _ACROSS**2) + 0.5
-        z, angle = 1 - 2 * number / len(number), np.pi * (1 + 5**0.5) * number
-        flat = np.sqrt(1 - z**2)
-        return np.asarray(shape.center) + shape.radius * np.stack(
-            [np.cos(angle) * flat, np.sin(angle) * flat, z], axis=1
-        )
+        return np.asarray(shape.center) + shape.radius * spread_directions(2 * _ACROSS**2)
     if isinstance(shape, SignedDistanceField):
         near = np.argwhere(np.abs(shape.values) <= shape.spacing)
         near = near[:: max(1, len(near) // (6 * _ACROSS**2))]

@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -20,16 +19,15 @@ from gasp_core.contract import (
     EngineAccuracy,
     EngineDescriptor,
     EngineSession,
-    Field,
     Fluid,
     Material,
     PointEngine,
     PointProblem,
-    PointState,
     Precision,
     Sand,
     StepReport,
 )
+from gasp_core.engines.passing_session import PassingSession
 from gasp_core.processes.usage import usage_so_far
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import laws_of
@@ -229,40 +227,18 @@ class _TimedEngine:
         return _TimedSession(session, self.advances)
 
 
-class _TimedSession:
+class _TimedSession(PassingSession):
     """An `EngineSession` that tells how long each advance takes."""
 
     def __init__(self, session: EngineSession, advances: list[_Advance]) -> None:
-        self._session = session
+        super().__init__(session)
         self._advances = advances
-
-    @property
-    def time(self) -> float:
-        return self._session.time
 
     def advance_to(self, time: float) -> StepReport:
         begin = perf_counter()
         report = self._session.advance_to(time)
         self._advances.append(_Advance(seconds=perf_counter() - begin, report=report))
         return report
-
-    def read(self, fields: frozenset[Field]) -> PointState:
-        return self._session.read(fields)
-
-    def checkpoint(self) -> Mapping[str, Array]:
-        return self._session.checkpoint()
-
-    def close(self) -> None:
-        self._session.close()
-
-    def __enter__(self) -> Self:
-        self._session.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self._session.__exit__(kind, error, trace)
 
 
 def _disk(folder: Path, frames: int) -> int:
