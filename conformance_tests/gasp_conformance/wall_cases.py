@@ -41,8 +41,8 @@ _SPACING = 0.1
 _CELLS = 2
 _SPEED = 1.0
 _TILTED = (1 / 3, 2 / 3, 2 / 3)
-_FAR = 20.0
-"""[m]"""
+_FAR = 6.0
+"""From where anything goes [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +201,8 @@ def _impact(subject: Subject, given: Shape, shape: AnyShape, side: Side) -> Impa
             # A quadratic spline reaches one and a half cells along each axis, 2.6 across.
             if float((sign * shape.signed_distance(free)).min()) > 3 * _SPACING:
                 error = float(np.linalg.norm(state.positions - free, axis=1).max())
-                farthest, travel = float(np.abs(free).max()), _SPEED * state.time
+                # An engine may count places from where a collider is, the farthest as well as the nearest.
+                farthest, travel = max(_FAR, float(np.abs(free).max())), _SPEED * state.time
                 bound = place_rounding(subject, journal.substep_count, farthest, travel)
                 free_error = max(free_error, error / bound)
             else:
