@@ -188,16 +188,15 @@ def run(
             print_json(_outcome(recording))
         elif quiet:
             pass
-        elif preview:
-            print_outcome(recording)
-            click.echo(
-                f"a first look, coarse: {', '.join(map(str, films))}; all of it: gasp run {shlex.quote(str(scene))}"
-            )
         else:
             print_outcome(recording)
-            if not films:
-                click.echo(f"a film of it: gasp render {shlex.quote(address or str(folder))}")
-            click.echo(f"splat files of it: gasp export {shlex.quote(address or str(folder))} --all --format ply")
+            made = ", ".join(shlex.quote(str(path)) for path in films if path.exists())
+            named = shlex.quote(address or str(folder))
+            if preview:
+                click.echo(f"a first look, coarse: {made}; all of it: gasp run {shlex.quote(str(scene))}")
+            else:
+                click.echo(f"a film of it: {made or 'gasp render ' + named}")
+                click.echo(f"splat files of it: gasp export {named} --all --format ply")
         if interrupted(recording):
             raise KeyboardInterrupt
 

@@ -93,7 +93,10 @@ of frames is played by motion = { kind = "frames" } in a scene.
 def import_soup(
     splat: Path, exported: Path, moved: tuple[Path, ...], out: Path | None, suffix: str | None, overwrite: bool
 ) -> None:
-    """Write what SPLAT has become, whose soup, as it was exported, is SOUP, and was moved to MOVED."""
+    """Write what SPLAT has become, its SOUP moved to MOVED.
+
+    SOUP is as it was exported.
+    """
     from gasp_core.io import read_splat
     from gasp_core.io.soups import read_positions, read_soup, splat_of
 

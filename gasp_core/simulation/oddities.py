@@ -30,6 +30,8 @@ _LIGHTEST, _HEAVIEST = 5.0, 25_000.0
 """[kg/m^3]: of the lightest foam, and beyond osmium."""
 _SMALLEST, _LARGEST = 1e-3, 20.0
 """[m]: of what one captures and lets fall."""
+_LONGEST_COLLIDER = 100.0
+"""[m]: a terrain is long, a table in millimetres is longer."""
 _SOFTEST = 1.0
 """Density times gravity times size over Young's modulus, from which on nothing keeps its shape under its own weight."""
 _LEANING = 0.5
@@ -73,9 +75,14 @@ def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
 
 
 def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]:
-    """A sentence where a body that stands still is thinner than what an engine's grid sees."""
+    """A sentence where a body of a file is in another unit, and where it is thinner than what an engine's grid sees."""
     shape = collider.shape
-    if isinstance(shape, SignedDistanceField) and collider.side is Side.OUTSIDE:
+    if not isinstance(shape, SignedDistanceField):
+        return
+    longest = shape.spacing * (max(shape.values.shape) - 1)
+    if longest > _LONGEST_COLLIDER:
+        yield f"{name}: it is about {longest:.3g} m long: say its height, or metres_per_unit = 0.001 if it is in mm"
+    if collider.side is Side.OUTSIDE:
         thickness = -2 * float(shape.values.min())
         if thickness < spacing:
             yield (

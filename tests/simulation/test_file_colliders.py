@@ -22,6 +22,7 @@ from gasp_core.discovery.status import engine_rows
 from gasp_core.errors import RecordingError
 from gasp_core.scene.file_shapes import MeshShape
 from gasp_core.scene.objects import Reduction
+from gasp_core.simulation.oddities import oddities
 from gasp_core.simulation.splat_sources import prepare
 
 trimesh = pytest.importorskip("trimesh")
@@ -119,3 +120,13 @@ def test_a_run_is_not_gone_on_with_among_other_colliders(tmp_path):
     trimesh.creation.box(extents=(1, 1, 2)).export(box)
     with pytest.raises(RecordingError):
         simulate(dataclasses.replace(short, duration=0.2), out=tmp_path / "run.gasp", resume=True)
+
+
+@pytest.mark.parametrize(("unit", "told"), [(1.0, True), (0.001, False)])
+def test_a_mesh_in_millimetres_is_told_of(tmp_path, unit, told):
+    box = tmp_path / "box.stl"
+    trimesh.creation.box(extents=(600, 400, 40)).export(box)
+    table = Collider(shape=MeshShape(file=box, metres_per_unit=unit, position=(0, 0, -60 * unit), cells=32))
+    prepared = prepare(scene_on((table,)))
+    found = [note for note in oddities(prepared.objects, prepared.assembly) if "if it is in mm" in note]
+    assert bool(found) == told
