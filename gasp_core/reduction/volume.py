@@ -36,6 +36,11 @@ _CRUMB = 1 / 3
 """Of the area of a sheet that goes right across such a cube: a piece with less is of a rim, or lies on a surface."""
 _BESIDE = 6
 """Points within a cell of it that a crumb has."""
+_FAINT = 1e-3
+"""Of a cell's volume: a piece of a sheet with less, near other matter, moves nothing. It would be thrown about by what
+it lies on and stretched as nothing else is, and the farthest stretched point sets the step of all."""
+_NEAR = 2.0
+"""Cells: how far two points may be apart, along an axis, that share more than the rim of a kernel."""
 _JITTER = 0.25
 """In distances of points, to either side."""
 _ROUNDING = 1e-3
@@ -184,6 +189,8 @@ def _sheets(solid: PlacedSolid, spacing: float, filled: Array) -> tuple[Array, A
     volumes, means, covariances = scatter(positions, labels.reshape(-1), weights)
     thickness = sheets.thickness * solid.scale
     small = volumes < _CRUMB * thickness * (_SHEET * spacing) ** 2
+    kept = np.flatnonzero(~_faint(volumes, means, filled, spacing))
+    volumes, means, covariances, small = volumes[kept], means[kept], covariances[kept], small[kept]
     # Twice the standard deviation of a layer, at least, along every axis.
     corners = corners_of(Matter(volumes=volumes, means=means, covariances=covariances), thickness / np.sqrt(3.0))
     # Four points of a crumb cost as much as those of a leaf, and the farthest stretched of them sets the step of all.
@@ -197,6 +204,20 @@ def _sheets(solid: PlacedSolid, spacing: float, filled: Array) -> tuple[Array, A
         np.concatenate([corners[whole].reshape(-1, 3), means[crumbs]]),
         np.concatenate([np.repeat(volumes[whole] / 4, 4), volumes[crumbs]]),
     )
+
+
+def _faint(volumes: Array, means: Array, filled: Array, spacing: float) -> Array:
+    """Which pieces, of volumes (S,) [m^3] and means (S, 3) [m], are next to nothing beside other matter, (S,)."""
+    from scipy.spatial import KDTree
+
+    faint = volumes < _FAINT * spacing**3
+    matter = np.concatenate([filled, means[~faint]])
+    if len(matter):
+        tree: Any = KDTree(matter)
+        faint[faint] = tree.query(means[faint])[0] < _NEAR * spacing
+    else:
+        faint[:] = False
+    return faint
 
 
 def _feet(solid: PlacedSolid, means: Array, positions: Array, step: float) -> Array:
