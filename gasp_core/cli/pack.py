@@ -55,7 +55,8 @@ def pack(run: Path, html: bool, out: Path | None, error: float, overwrite: bool)
     from gasp_core.moving.packing import pack as packed
     from gasp_core.progress import counting
     from gasp_core.recording import Recording
-    from gasp_core.rendering.player import camera_of, colliders_of
+    from gasp_core.rendering.footage import RecordedFootage
+    from gasp_core.rendering.player import camera_of
 
     path = out if out is not None else Path(f"{run.resolve().stem}{'.html' if html else _SUFFIX}")
     if path.suffix.lower() not in ((".html",) if html else (".sog", ".html")):
@@ -70,7 +71,7 @@ def pack(run: Path, html: bool, out: Path | None, error: float, overwrite: bool)
             path,
             error=error,
             camera=camera_of(recording),
-            colliders=colliders_of(recording.scene),
+            colliders=RecordedFootage(recording).colliders,
             progress=done,
         )
     each = found.motion / found.frames / 1e3

@@ -13,10 +13,11 @@ from gasp_core.errors import RecordingError
 from gasp_core.io.sog_meta import Meta, parse_meta
 from gasp_core.moving.carriers import KINDS
 
-__all__ = ["FOLDER", "HEADER", "VERSION", "BodyHeader", "MotionHeader"]
+__all__ = ["COLLIDERS", "FOLDER", "HEADER", "VERSION", "BodyHeader", "MotionHeader"]
 
 HEADER = "motion.json"
 FOLDER = "motion/"
+COLLIDERS = FOLDER + "colliders/"
 FORMAT = "gasp-moving-splat"
 VERSION = 1
 _FREE = "free"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract import Collider
 from gasp_core.errors import RecordingError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.atomic import replacing
@@ -20,9 +21,10 @@ from gasp_core.io.sog_writing import sog_members, write_members
 from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
 from gasp_core.moving.carriers import KINDS, files_of
 from gasp_core.moving.frames import FrameWriter, encoded_corrections
-from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.html import write_page
 from gasp_core.moving.reading import block_name, body_of
+from gasp_core.moving.solids import entries_of
 from gasp_core.recording.reader import Recording
 from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.morton import along_a_curve
@@ -70,7 +72,7 @@ def pack(
     *,
     error: float = DEFAULT_ERROR,
     camera: Mapping[str, Any] | None = None,
-    colliders: Sequence[Mapping[str, Any]] = (),
+    colliders: Sequence[Collider] = (),
     progress: Callable[[], None] | None = None,
 ) -> Packed:
     """Write a recording as a moving splat, a file that one can send; as a page that plays it where its name ends so.
@@ -84,15 +86,18 @@ def pack(
         WebGL 2, without a network.
     error
         How far any mean of any frame may be from where it was recorded, as a share of the diagonal of what moves.
-    camera, colliders
-        For players.
+    camera
+        Where players begin: see docs/moving_splats.md.
+    colliders
+        What players draw besides; those of files are read.
     progress
         Called after every frame.
 
     Raises
     ------
-    RecordingError, SplatFormatError
-        Where the recording is damaged or empty, the error asked for cannot be kept, or the disk refuses.
+    RecordingError, SplatFormatError, SceneError
+        Where the recording or the file of a collider is damaged or empty, the error asked for cannot be kept, or the
+        disk refuses.
     """
     path = Path(path)
     if recording.frame_count == 0:
@@ -109,6 +114,8 @@ def pack(
         raise RecordingError(f"{refusal} ({failure})") from failure
     if largest > allowed:
         raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
+    times = np.arange(recording.frame_count) / recording.header.frame_rate
+    entries, solids = entries_of(colliders, times)
     header = MotionHeader(
         frames=recording.frame_count,
         frames_a_block=_FRAMES_A_BLOCK,
@@ -119,13 +126,14 @@ def pack(
         alpha=None if source.bounded else recording.header.maps["alpha"],
         bodies=source.headers,
         camera=camera,
-        colliders=colliders,
+        colliders=entries,
     )
     files = {
         f"{FOLDER}{number}/{name}": content
         for number, carrier in enumerate(source.files)
         for name, content in carrier.items()
     }
+    files |= {COLLIDERS + name: content for name, content in solids.items()}
     packed = {HEADER: header.encoded(), **files, **{block_name(k): block for k, block in enumerate(blocks)}}
     stream = io.BytesIO()
     write_members(stream, source.members, packed)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.contract import Collider
 from gasp_core.errors import RecordingError, SplatFormatError
 from gasp_core.games import matter_rotations
 from gasp_core.gaussians import Gaussians
@@ -22,7 +23,8 @@ from gasp_core.io.sog import read_sog_zip
 from gasp_core.moving.bodies import CarriedBody, Corrections, FreeBody, MovingBody, at_rest
 from gasp_core.moving.carriers import carrier_of
 from gasp_core.moving.frames import FrameReader, decoded_corrections
-from gasp_core.moving.header import FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
+from gasp_core.moving.solids import solids_of
 from gasp_core.reduction.bodies import shapes
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.placement import Placement, place, upright
@@ -51,6 +53,7 @@ class MovingSplat:
         self.reference = place(splat, placement)
         self._bodies = [self._body(number, body) for number, body in enumerate(header.bodies)]
         self._held = [self.reference.select(body.rows) for body in self._bodies]
+        self.colliders: tuple[Collider, ...] = self._solids()
         self._readers: list[FrameReader] = []
         self._block = memoryview(b"")
         self._next = 0
@@ -150,6 +153,15 @@ class MovingSplat:
             if turns is not None:
                 turns[rows] = matter_rotations(moved.simplices, rest, moved.degenerate)
         return self.reference.with_(means=means, quaternions=quaternions, scales=scales), turns
+
+    def _solids(self) -> tuple[Collider, ...]:
+        def fetch(name: str, most: int) -> bytes:
+            return _fetch(self._archive, COLLIDERS + name, most, self.path)
+
+        try:
+            return solids_of(self.header.colliders, fetch, self.times)
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
 
     def _body(self, number: int, header: BodyHeader) -> MovingBody:
         head, most = f"{FOLDER}{number}/", _WIDEST * (header.points + header.last - header.first) + 1024

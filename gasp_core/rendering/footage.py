@@ -20,7 +20,7 @@ from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
-from gasp_core.rendering.movers import Movers
+from gasp_core.rendering.movers import BACKDROP, Movers, size_of
 from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
 from gasp_core.scene.file_shapes import SplatShape, resolved
 from gasp_core.scene.loading import load_scene
@@ -28,7 +28,7 @@ from gasp_core.scene.model import Scene
 from gasp_core.scene.named_code import without_code
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placed_solid import PlacedSolid
-from gasp_core.scene.placement import Placement, robust_box
+from gasp_core.scene.placement import Placement
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.settings import CameraChoice
 
@@ -40,8 +40,6 @@ _LOG = logging.getLogger(__name__)
 
 _PLACED = ("splat", "up", "height", "metres_per_unit", "position", "rotation")
 """By which an object and a splat that is a collider are one thing."""
-_BACKDROP = 3.0
-"""Times the size of what moves, from which on an object that stands still is what it moves before."""
 
 
 class Moving(Protocol):
@@ -160,7 +158,7 @@ class RecordedFootage:
     def movers(self) -> Movers:
         """Colliders that move, but for those that are much larger than all that is simulated."""
         moving = self.recording.reference.means[self.recording.moving]
-        return Movers.of(self.colliders, _BACKDROP * _size(moving))
+        return Movers.of(self.colliders, BACKDROP * size_of(moving))
 
     @cached_property
     def _still(self) -> Array:
@@ -355,15 +353,7 @@ def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) 
     chosen = np.ones(len(means), dtype=bool)
     moved = [means[rows] for rows, moves in zip(objects, moving) if moves]
     if moved:
-        size = _size(np.concatenate(moved))
+        size = size_of(np.concatenate(moved))
         for rows, moves in zip(objects, moving):
-            chosen[rows] = moves or _size(means[rows]) <= _BACKDROP * size
+            chosen[rows] = moves or size_of(means[rows]) <= BACKDROP * size
     return chosen
-
-
-def _size(means: Array) -> float:
-    """Diagonal of the box of means (N, 3) but for what is outermost; 0 of none."""
-    if len(means) == 0:
-        return 0.0
-    lower, upper = robust_box(means)
-    return float(np.linalg.norm(upper - lower))

@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from gasp_core.contract import BoxShape, Collider, SignedDistanceField, SphereShape
 from gasp_core.harmonics import spread_directions
 from gasp_core.render_input import RenderInput
+from gasp_core.scene.placement import robust_box
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["Movers"]
+__all__ = ["BACKDROP", "Movers", "size_of"]
 
 Array = NDArray[Any]
 
+BACKDROP = 3.0
+"""Times the size of what moves, from which on something else is what it moves before."""
 _ACROSS = 9
 """Dots along each side of a surface."""
 _WEIGHT = 0.02
@@ -79,6 +82,14 @@ class Movers:
             scales=np.concatenate([splats.scales, np.repeat(widths[:, None], 3, axis=1)]),
             turns=None if turns is None else np.concatenate([turns, np.tile(np.eye(3), (count, 1, 1))]),
         )
+
+
+def size_of(means: Array) -> float:
+    """Diagonal [m] of the box of means (N, 3) but for what is outermost; 0 of none."""
+    if len(means) == 0:
+        return 0.0
+    lower, upper = robust_box(means)
+    return float(np.linalg.norm(upper - lower))
 
 
 def _surface(shape: object) -> Array | None:

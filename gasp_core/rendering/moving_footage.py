@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 import zipfile
-from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
-from gasp_core.errors import RecordingError, SceneError
 from gasp_core.moving.header import HEADER
 from gasp_core.moving.reading import MovingSplat
 from gasp_core.render_input import RenderInput
+from gasp_core.rendering.movers import BACKDROP, Movers, size_of
 from gasp_core.scene.placement import Placement, upright
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["SHAPES", "MovingFootage", "is_moving_splat"]
+__all__ = ["MovingFootage", "is_moving_splat"]
 
 Array = NDArray[Any]
-
-SHAPES = {shape.kind: shape for shape in (HalfSpace, SphereShape, BoxShape)}
-"""Of colliders, by the names that a file has for them."""
 
 
 def is_moving_splat(path: Path) -> bool:
@@ -47,9 +42,7 @@ class MovingFootage:
         self.path = splat.path
         self.frame_count = len(splat)
         self.frame_rate = splat.header.frame_rate
-        self.colliders = tuple(
-            _collider(one, splat.path) for one in splat.header.colliders if one.get("kind") in SHAPES
-        )
+        self.colliders = splat.colliders
         self.camera: CameraChoice | None = None
 
     def splats(self, frame: int) -> RenderInput:
@@ -61,22 +54,20 @@ class MovingFootage:
         return self.splats(frame)
 
     def subject(self, frame: int) -> RenderInput:
-        """All there is."""
-        return self.splats(frame)
+        """All there is, colliders that move too."""
+        return self.movers.joined(self.splats(frame), frame / self.frame_rate)
 
     def positions(self, frame: int) -> Array:
         """Means of what moves."""
-        return np.concatenate([simplices[:, 0] for _, simplices in self.splat.simplices(frame)])
+        moved = [simplices[:, 0] for _, simplices in self.splat.simplices(frame)]
+        return self.movers.beside(np.concatenate(moved), frame / self.frame_rate)
+
+    @cached_property
+    def movers(self) -> Movers:
+        """Colliders that move, but for those that are much larger than the Gaussians that do."""
+        rows = [np.arange(body.first, body.last) for body in self.splat.header.bodies]
+        return Movers.of(self.colliders, BACKDROP * size_of(self.splat.reference.means[np.concatenate(rows)]))
 
     def placement(self, name: str | None) -> Placement:
         """How the splat in the file was put into the world."""
         return Placement(rotation=upright("-y"), scale=1.0, translation=np.array(self.splat.header.origin))
-
-
-def _collider(told: Mapping[str, Any], path: Path) -> Collider:
-    shape = SHAPES[told["kind"]]
-    try:
-        values = {field.name: told[field.name] for field in dataclasses.fields(shape)}
-        return Collider(shape=shape(**values), side=Side(told["side"]))
-    except (KeyError, TypeError, ValueError, SceneError) as error:
-        raise RecordingError(f"{path}: a collider is damaged: {error}") from error

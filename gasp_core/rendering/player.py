@@ -1,8 +1,7 @@
-"""What whoever plays a moving splat is told besides: where to look from, and what is solid."""
+"""Where whoever plays a moving splat begins to look from."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -10,13 +9,11 @@ from gasp_core.errors import RenderingError
 from gasp_core.recording import Recording
 from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.rendering.framing import frame_motion, motion_of
-from gasp_core.rendering.moving_footage import SHAPES
 from gasp_core.rendering.renderers import open_renderer
 from gasp_core.rendering.viewpoints import cameras_for
-from gasp_core.scene.model import Scene
 from gasp_core.scene.settings import CameraChoice
 
-__all__ = ["camera_of", "colliders_of"]
+__all__ = ["camera_of"]
 
 _SIZE = 1280, 720
 
@@ -54,13 +51,3 @@ def camera_of(recording: Recording) -> dict[str, Any]:
         "vertical_angle": math.degrees(2 * math.atan(height / 2 / camera.focal_y)),
         "reach": motion.reach,
     }
-
-
-def colliders_of(scene: Scene) -> list[dict[str, Any]]:
-    """What is solid and does not move, where a formula describes it."""
-    found: list[dict[str, Any]] = []
-    for one in scene.colliders:
-        if one.motion is None and isinstance(one.shape, tuple(SHAPES.values())):
-            shape: Any = one.shape
-            found.append({"kind": shape.kind, "side": one.side.value, **dataclasses.asdict(shape)})
-    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
 import io
 import os
@@ -14,7 +13,15 @@ import pytest
 
 from gasp_core import MovingSplat, Reduction, pack, read_splat
 from gasp_core.accuracy.images import psnr
-from gasp_core.contract import BoxShape, Collider, HalfSpace, Side, SphereShape
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    HalfSpace,
+    Side,
+    SignedDistanceField,
+    SphereShape,
+    SteadyMotion,
+)
 from gasp_core.moving.html import write_page
 from gasp_core.rendering.camera import look_at
 from gasp_core.rendering.renderers import open_renderer
@@ -80,7 +87,10 @@ def drawn(splat, frame, colliders=()):
     camera = splat.header.camera
     angle = camera["vertical_angle"]
     seen = look_at(camera["position"], camera["target"], width=WIDTH, height=HEIGHT, field_of_view=angle)
-    scenery = draw_scenery(colliders, seen, centre=np.array(camera["target"]), reach=camera.get("reach", 1.0))
+    time = splat.times[frame]
+    scenery = draw_scenery(
+        colliders, seen, centre=np.array(camera["target"]), reach=camera.get("reach", 1.0), time=time
+    )
     found = open_renderer().render(splat.splats(frame), seen, occluders=scenery.depth).before(scenery)
     return np.clip(found.over(np.ones(3)), 0, 1)
 
@@ -112,6 +122,13 @@ def test_its_pixels_are_those_of_our_renderer(recorded, opened, ball, tmp_path):
     assert complaints == []
 
 
+def bowl():
+    """A thick cup that is open upwards, on a grid."""
+    x, y, z = np.moveaxis(np.indices((61, 51, 41)) * 0.02 - [[[[0.6]]], [[[0.5]]], [[[0.1]]]], 0, 0)
+    outer, inner = np.sqrt(x**2 + y**2 + (z - 0.3) ** 2) - 0.36, np.sqrt(x**2 + y**2 + (z - 0.45) ** 2) - 0.33
+    return SignedDistanceField(origin=(-0.6, -0.5, -0.1), spacing=0.02, values=np.maximum(outer, -inner))
+
+
 SOLID = {
     "plane": Collider(shape=HalfSpace(point=(0, 0, 0.2), normal=(0, -0.6, 0.8))),
     "far side of a plane": Collider(shape=HalfSpace(point=(0, 0.3, 0), normal=(0, 1, 0)), side=Side.INSIDE),
@@ -119,16 +136,29 @@ SOLID = {
     "room": Collider(shape=BoxShape(center=(0, 0, 0.5), half_extents=(2, 1.5, 0.8)), side=Side.INSIDE),
     "ball": Collider(shape=SphereShape(center=(-0.1, -0.1, 0.3), radius=0.25)),
     "shell": Collider(shape=SphereShape(center=(0, 0, 0.3), radius=0.5), side=Side.INSIDE),
+    "field": Collider(shape=bowl()),
+    "inside of a field": Collider(shape=bowl(), side=Side.INSIDE),
+    "turning box": Collider(
+        shape=BoxShape(center=(0.2, -0.2, 0.2), half_extents=(0.3, 0.1, 0.2)),
+        motion=SteadyMotion(velocity=(1, 0, 2), angular_velocity=(3, 9, 5), center=(0.1, 0, 0.3)),
+    ),
+    "turning field": Collider(
+        shape=bowl(), motion=SteadyMotion(velocity=(0, 0, 3), angular_velocity=(9, 5, 3), center=(0, 0, 0.3))
+    ),
+    "tilting plane": Collider(
+        shape=HalfSpace(point=(0, 0, 0.2), normal=(0, 0, 1)), motion=SteadyMotion(angular_velocity=(4, 9, 2))
+    ),
 }
 
 
-@pytest.mark.parametrize("names", [*([name] for name in SOLID), ["plane", "box", "ball"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "names", [*([name] for name in SOLID), ["plane", "turning box", "ball", "field", "turning field"]], ids=" ".join
+)
 def test_what_is_solid_is_drawn_as_our_renderer_does(recorded, opened, ball, tmp_path, names):
     """In front of Gaussians and behind them, and of those that reach through it what is before it."""
     colliders = [SOLID[name] for name in names]
     recording = recorded(Reduction(mode="volume"), ball)
-    told = [{"kind": one.shape.kind, "side": one.side.value, **dataclasses.asdict(one.shape)} for one in colliders]
-    pack(recording, tmp_path / "a.sog", camera={**CAMERA, "reach": 0.8}, colliders=told)
+    pack(recording, tmp_path / "a.sog", camera={**CAMERA, "reach": 0.8}, colliders=colliders)
     write_page(tmp_path / "a.html", (tmp_path / "a.sog").read_bytes(), "ball")
     splat = MovingSplat.open(tmp_path / "a.sog")
     page, complaints = opened(tmp_path / "a.html")

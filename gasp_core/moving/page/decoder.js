@@ -28,7 +28,7 @@ async function inflated(packed) {
 }
 
 /** Whole numbers, read one table after the other. */
-class Numbers {
+export class Numbers {
   constructor(bytes) {
     this.bytes = bytes;
     this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);

@@ -230,6 +230,7 @@ export class Painter {
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, ground.depths);
     gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
     gl.uniform1i(this.uniforms.gaussians, 0);
     gl.uniform1i(this.uniforms.walls, 1);
     gl.uniform1i(this.uniforms.walled, ground.count > 0 ? 1 : 0);

@@ -62,7 +62,8 @@ async function main() {
   holder.remove();
   const motion = await Motion.of(splat.files, splat.means, splat.axes, splat.scales);
   const { frames, frame_rate, camera } = motion.header;
-  const painter = new Painter(gl, splat, new Ground(gl, motion.header));
+  const ground = await Ground.of(gl, motion.header, splat.files);
+  const painter = new Painter(gl, splat, ground);
   const orbit = new Orbit(camera, motion);
   const state = { frame: 0, playing: true, changed: true, shown: -1, painted: 0, since: performance.now() };
   line.max = frames - 1;
@@ -94,6 +95,7 @@ async function main() {
       const frame = state.frame;
       await motion.show(frame);
       painter.take(motion);
+      ground.show(frame);
       state.shown = frame;
       state.changed = true;
       line.value = frame;

@@ -1,0 +1,155 @@
+"""Colliders in a moving splat: where they were, in every frame, and damage that is told."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from gasp_core import MovingSplat, Reduction, pack
+from gasp_core.contract import (
+    BoxShape,
+    Collider,
+    HalfSpace,
+    KeyframedMotion,
+    Side,
+    SignedDistanceField,
+    SphereShape,
+    SteadyMotion,
+)
+from gasp_core.errors import RecordingError, SplatFormatError
+from gasp_core.moving.header import COLLIDERS, HEADER
+from gasp_core.moving.solids import entries_of, solids_of
+from gasp_core.stepping.rigid_motion import pose_of
+
+TIMES = np.arange(7) / 10
+BALL = SphereShape(center=(0.2, -0.1, 0.3), radius=0.25)
+FIELD = SignedDistanceField.sampled(BALL, (-0.2, -0.5, -0.1), (0.6, 0.3, 0.7), 0.02)
+COLLIDERS_OF_ALL_KINDS = [
+    Collider(shape=HalfSpace(point=(0, 0, 0.1), normal=(0, 0, 1))),
+    Collider(shape=BoxShape(center=(0, 1, 0), half_extents=(1, 2, 3)), side=Side.INSIDE),
+    Collider(shape=BALL, motion=SteadyMotion(velocity=(1, 2, 3), angular_velocity=(3, 2, 1), center=(0.1, 0, 0))),
+    Collider(
+        shape=FIELD,
+        motion=KeyframedMotion(
+            times=(0.1, 0.35, 0.5),
+            places=((0, 0, 0), (1, 0, 0), (1, 1, 0)),
+            quaternions=((1, 0, 0, 0), (0, 1, 0, 0), (0.5, 0.5, 0.5, 0.5)),
+            center=(0.2, -0.1, 0.3),
+        ),
+    ),
+]
+
+
+def read_back(colliders, times=TIMES):
+    entries, files = entries_of(colliders, times)
+    return solids_of(json.loads(json.dumps(entries)), lambda name, most: files[name][: most + 1], times)
+
+
+def test_they_are_what_they_were():
+    found = read_back(COLLIDERS_OF_ALL_KINDS)
+    assert [one.shape.kind for one in found] == [one.shape.kind for one in COLLIDERS_OF_ALL_KINDS]
+    assert [one.side for one in found] == [one.side for one in COLLIDERS_OF_ALL_KINDS]
+    for one, other in zip(found[:3], COLLIDERS_OF_ALL_KINDS):
+        assert one.shape == other.shape
+    assert [one.motion is None for one in found] == [True, True, False, False]
+
+
+def test_they_are_where_they_were_in_every_frame():
+    places = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    for one, other in zip(read_back(COLLIDERS_OF_ALL_KINDS)[2:], COLLIDERS_OF_ALL_KINDS[2:]):
+        for time in TIMES:
+            before, wanted = (pose_of(motion, time).before(places) for motion in (one.motion, other.motion))
+            np.testing.assert_allclose(before, wanted, atol=1e-12)
+
+
+def test_a_field_is_within_half_a_step_of_itself_near_its_surface():
+    (found,) = read_back([Collider(shape=FIELD)])
+    near = np.abs(FIELD.values) < 1.9 * FIELD.spacing
+    assert near.sum() > 1000
+    # Half a step of 1/64 of a spacing; a whole one outside, where what is rounded to nothing stays outside.
+    off = np.abs(found.shape.values - FIELD.values)[near]
+    assert off.max() <= FIELD.spacing / 64 * (1 + 1e-3)
+    assert np.array_equal(found.shape.values > 0, FIELD.values > 0)
+
+
+@pytest.mark.parametrize("count", [158, 160, 161, 331])
+def test_a_field_of_many_nodes_is_made_coarser_and_stays_where_it_is(count):
+    spacing = 1.0 / (count - 1)
+    field = SignedDistanceField.sampled(
+        SphereShape(center=(0.5, 0.1, 0.1), radius=0.08), (2 * spacing, 0, 0), (1 - 2 * spacing, 0.2, 0.2), spacing
+    )
+    assert field.values.shape[0] == count
+    (found,) = read_back([Collider(shape=field)])
+    assert max(found.shape.values.shape) <= 160
+    around = np.array([0.5, 0.1, 0.1]) + 0.08 * np.concatenate([np.eye(3), -np.eye(3)])
+    # A ball's distances are off by its curvature over a step: h^2 / (8 r).
+    step = found.shape.spacing
+    assert np.abs(found.shape.signed_distance(around)).max() < step / 64 + 3 * step**2 / (8 * 0.08)
+
+
+def test_a_moving_splat_has_them(recorded, tmp_path):
+    recording = recorded(Reduction(mode="volume"))
+    pack(recording, tmp_path / "a.sog", colliders=COLLIDERS_OF_ALL_KINDS)
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    assert [one.shape.kind for one in splat.colliders] == [one.shape.kind for one in COLLIDERS_OF_ALL_KINDS]
+    assert np.array_equal(splat.colliders[2].motion.times, splat.times)
+
+
+def test_kinds_of_later_versions_are_left_out():
+    entries, files = entries_of(COLLIDERS_OF_ALL_KINDS, TIMES)
+    entries[0]["kind"] = "torus"
+    found = solids_of(entries, lambda name, _: files[name], TIMES)
+    assert [one.shape.kind for one in found] == ["box", "sphere", "signed distance field"]
+
+
+def altered(**changes):
+    def change(entries):
+        entries[3].update(changes)
+
+    return change
+
+
+def without(name):
+    def change(entries):
+        del entries[3][name]
+
+    return change
+
+
+DAMAGE = {
+    "no side": (without("side"), {}),
+    "no spacing": (without("spacing"), {}),
+    "spacing of nothing": (altered(spacing=0.0), {}),
+    "too many nodes": (altered(nodes=[10**4, 10**4, 10**4]), {}),
+    "negative nodes": (altered(nodes=[-4, -4, 4]), {}),
+    "nodes that are none": (altered(nodes="many"), {}),
+    "other nodes": (altered(nodes=[3, 3, 3]), {}),
+    "a center that is none": (altered(moves=[1.0]), {}),
+    "a field cut off": (None, {"3/field": lambda data: data[:100]}),
+    "poses cut off": (None, {"3/poses": lambda data: data[:-8]}),
+    "poses of nowhere": (None, {"3/poses": lambda data: b"\xff" * len(data)}),
+    "no field": (None, {"3/field": None}),
+    "no poses": (None, {"3/poses": None}),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGE)
+def test_damage_is_one_clear_line(recorded, tmp_path, what):
+    pack(recorded(Reduction(mode="cores", count=30)), tmp_path / "a.sog", colliders=COLLIDERS_OF_ALL_KINDS)
+    change, files = DAMAGE[what]
+    with zipfile.ZipFile(tmp_path / "a.sog") as source, zipfile.ZipFile(tmp_path / "b.sog", "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == HEADER and change is not None:
+                header = json.loads(content)
+                change(header["colliders"])
+                content = json.dumps(header).encode()
+            alter = files.get(name.removeprefix(COLLIDERS), lambda data: data)
+            if alter is not None:
+                target.writestr(name, alter(content))
+    with pytest.raises((RecordingError, SplatFormatError), match=r"b\.sog") as caught:
+        MovingSplat.open(tmp_path / "b.sog")
+    assert "\n" not in str(caught.value)
