@@ -160,7 +160,7 @@ def run(
         return
     # What was filmed of it so far is part of a run that goes on.
     keep_what_is_there(films, overwrite or resume, "--render")
-    from gasp_core.recording.addresses import address_of, made_here
+    from gasp_core.recording.addresses import address_of, made_here, shown
 
     address = address_of(folder)
     # Whoever looks at it while it is made looks at what is on this machine.
@@ -189,9 +189,10 @@ def run(
         elif quiet:
             pass
         else:
-            print_outcome(recording)
+            where = None if address is None else shown(address)
+            print_outcome(recording, where)
             made = ", ".join(shlex.quote(str(path)) for path in films if path.exists())
-            named = shlex.quote(address or str(folder))
+            named = shlex.quote(where or str(folder))
             if preview:
                 click.echo(f"a first look, coarse: {made}; all of it: gasp run {shlex.quote(str(scene))}")
             else:
@@ -213,10 +214,10 @@ def previewed(scene: Scene) -> Scene:
     )
 
 
-def print_outcome(recording: Recording) -> None:
-    """Say in a line what a run came to."""
+def print_outcome(recording: Recording, where: str | None = None) -> None:
+    """Say in a line what a run came to; `where` it is, unless it is where its path says."""
     reason = f" ({recording.reason})" if recording.reason else ""
-    click.echo(f"{recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
+    click.echo(f"{where or recording.path}: {recording.frame_count} frames, {recording.status}{reason}")
 
 
 @contextmanager

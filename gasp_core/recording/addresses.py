@@ -25,7 +25,7 @@ from gasp_core.io.cache_folders import cache_folder
 from gasp_core.processes.scratch import MARK
 from gasp_core.recording.layout import FILES
 
-__all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
+__all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing", "shown"]
 
 _ADDRESS = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?!/)(.+)", re.DOTALL)
 _TAGS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created", "updated")
@@ -48,6 +48,11 @@ def address_of(path: str | Path) -> str | None:
     if found is None or found[1] in ("file", "local"):
         return None
     return f"{found[1]}://{found[2].rstrip('/')}"
+
+
+def shown(address: str) -> str:
+    """An address as messages have it, without its password."""
+    return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", address)
 
 
 def local_copy(path: str | Path) -> Path:
@@ -149,7 +154,7 @@ class Mirror:
         there = self._there()
         if "zarr.json" not in there:
             what = "is no recording (no zarr.json in it)" if there else "there is no such recording"
-            raise RecordingError(f"{self.address}: {what}")
+            raise RecordingError(f"{shown(self.address)}: {what}")
         known = self._notes()
         # Whatever else is listed there has no business on this machine.
         there = {key: stamp for key, stamp in there.items() if _is_known(key)}
@@ -188,11 +193,11 @@ class Mirror:
         there = self._there()
         strange = [key for key in there if not _is_known(key)]
         if strange:
-            raise RecordingError(f"{self.address}: holds {strange[0]}, which is of no recording")
+            raise RecordingError(f"{shown(self.address)}: holds {strange[0]}, which is of no recording")
         # Without it a connection was lost before anything could be read: that is in nobody's way.
         if "zarr.json" in there and not overwrite:
             raise RecordingError(
-                f"{self.address}: a recording is there already: resume it, choose another name, or overwrite it"
+                f"{shown(self.address)}: a recording is there already: resume it, choose another name, or overwrite it"
             )
         probe = f"{self._root}/{_PROBE}"
 
@@ -228,6 +233,7 @@ class Mirror:
             self.behind = ""
         except Exception as error:  # file systems raise whatever their libraries do
             self.behind = _said(error)
+            self._reopen()
 
     def finish(self) -> None:
         """The last `push`, tried again where it has to be.
@@ -243,8 +249,8 @@ class Mirror:
                 return
             time.sleep(_PAUSE * 2**attempt)
         raise RecordingError(
-            f"{self.address}: is not complete, the connection was lost ({self.behind}): what is there can be read, and"
-            " gone on with (gasp run --resume)"
+            f"{shown(self.address)}: is not complete, the connection was lost ({self.behind}): what is there can be"
+            " read, and gone on with (gasp run --resume)"
         )
 
     def _make_folder(self, key: str) -> None:
@@ -268,7 +274,7 @@ class Mirror:
         def listed() -> dict[str, Any]:
             self._files.invalidate_cache()
             try:
-                return cast("dict[str, Any]", self._files.find(self._root, detail=True))
+                return self._walked() if self._foldered else self._files.find(self._root, detail=True)
             except FileNotFoundError:
                 return {}
 
@@ -278,6 +284,23 @@ class Mirror:
             if info.get("type") == "file" and key and key != _PROBE:
                 tag = next((str(info[tag]) for tag in _TAGS if info.get(tag) is not None), "")
                 found[key] = (int(info["size"]), tag)
+        return found
+
+    def _walked(self) -> dict[str, Any]:
+        """All files, of folder after folder: `find` passes over those that cannot be read, and says nothing."""
+        found: dict[str, Any] = {}
+        folders = [self._root]
+        while folders:
+            folder = folders.pop()
+            try:
+                entries = self._files.ls(folder, detail=True)
+            except FileNotFoundError:
+                # Whoever writes there may have taken it away meanwhile, but not all of it.
+                if folder == self._root:
+                    raise
+                continue
+            folders += [info["name"] for info in entries if info["type"] == "directory"]
+            found |= {info["name"]: info for info in entries if info["type"] != "directory"}
         return found
 
     def _here(self) -> dict[str, tuple[int, int]]:
@@ -307,12 +330,20 @@ class Mirror:
             try:
                 return action()
             except (PermissionError, FileNotFoundError) as error:
-                raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
+                raise RecordingError(f"{shown(self.address)}: {what}: {_said(error)}") from None
             except Exception as error:  # file systems raise whatever their libraries do
                 if attempt == _ATTEMPTS - 1:
-                    raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
+                    raise RecordingError(f"{shown(self.address)}: {what}: {_said(error)}") from None
                 time.sleep(_PAUSE * 2**attempt)
+                self._reopen()
         return None
+
+    def _reopen(self) -> None:
+        """Call the host again: a file system that keeps a connection has a dead one once it is lost."""
+        if self._foldered:
+            # Where nobody answers, the file system that was there says so the next time.
+            with contextlib.suppress(RecordingError):
+                self._files, _ = _file_system(self.address, anew=True)
 
 
 def _is_known(key: str) -> bool:
@@ -345,17 +376,19 @@ def _said(error: Exception) -> str:
 def _in_cache(address: str, name: str, use: str) -> Path:
     cache = cache_folder("recordings")
     if cache is None:
-        raise RecordingError(f"{address}: its copy would lie in the cache, which GASP_CACHE has switched off")
+        raise RecordingError(f"{shown(address)}: its copy would lie in the cache, which GASP_CACHE has switched off")
     return cache / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
 
 
-def _file_system(address: str) -> tuple[Any, str]:
+def _file_system(address: str, *, anew: bool = False) -> tuple[Any, str]:
     try:
         fsspec: Any = importlib.import_module("fsspec")
     except ImportError:
-        raise RecordingError(f"{address}: addresses are opened by fsspec: pip install 'gasp-core[remote]'") from None
+        raise RecordingError(
+            f"{shown(address)}: addresses are opened by fsspec: pip install 'gasp-core[remote]'"
+        ) from None
     try:
-        files, root = fsspec.core.url_to_fs(address)
-    except (ImportError, ValueError) as error:
-        raise RecordingError(f"{address}: cannot be opened: {_said(error)}") from None
+        files, root = fsspec.core.url_to_fs(address, skip_instance_cache=anew)
+    except Exception as error:  # file systems raise whatever their libraries do
+        raise RecordingError(f"{shown(address)}: cannot be opened: {_said(error)}") from None
     return files, str(root).rstrip("/")

@@ -9,6 +9,7 @@ import flying_points
 import numpy as np
 import pytest
 from object_store import object_store
+from ssh_host import ssh_host
 
 from gasp_core import Recording, RecordingChoice, simulate
 from gasp_core.errors import RecordingError
@@ -82,9 +83,28 @@ def test_what_is_an_address(path, address):
     assert address_of(path) == address
 
 
-@pytest.mark.parametrize("where", ["memory", "s3"])
-def test_a_run_at_an_address_is_that_on_disk(record, tmp_path, elsewhere, store, request, where):
-    root = "memory://runs" if where == "memory" else request.getfixturevalue("bucket")
+@pytest.fixture
+def roots(request, store):
+    """roots(where) -> the address of a place to put recordings into."""
+
+    def find(where):
+        if where == "ssh":
+            return f"{request.getfixturevalue('host').address}/runs"
+        return "memory://runs" if where == "memory" else request.getfixturevalue("bucket")
+
+    return find
+
+
+@pytest.fixture
+def host(tmp_path):
+    (tmp_path / "host").mkdir()
+    with ssh_host(tmp_path / "host") as found:
+        yield found
+
+
+@pytest.mark.parametrize("where", ["memory", "s3", "ssh"])
+def test_a_run_at_an_address_is_that_on_disk(record, tmp_path, elsewhere, roots, where):
+    root = roots(where)
     disk = record(tmp_path / "disk.gasp")
     made = record(f"{root}/whole.gasp")
     same(made, disk)
@@ -132,16 +152,44 @@ def test_frames_are_there_as_they_come(record, store, elsewhere):
     assert all(displacements >= commits for commits, displacements in seen)
 
 
-def test_going_on_elsewhere_is_the_run_that_never_stopped(record, tmp_path, elsewhere, store):
+@pytest.mark.parametrize("where", ["memory", "s3", "ssh"])
+def test_going_on_elsewhere_is_the_run_that_never_stopped(record, tmp_path, elsewhere, roots, where):
+    address = f"{roots(where)}/on.gasp"
     disk = record(tmp_path / "disk.gasp")
-    record("memory://runs/a.gasp", frames=3)
+    record(address, frames=3)
     elsewhere()
-    same(record("memory://runs/a.gasp", resume=True), disk)
+    same(record(address, resume=True), disk)
     elsewhere()
-    same(Recording.open("memory://runs/a.gasp"), disk)
+    same(Recording.open(address), disk)
     # There is nothing of what was there before and is no more.
-    checkpoints = {key.split("/")[4] for key in store.find("/runs/a.gasp/checkpoints") if key.count("/") > 4}
-    assert len(checkpoints) <= 2
+    files, root = fsspec.core.url_to_fs(address)
+    files.invalidate_cache()
+    found = [key.partition("/on.gasp/checkpoints/")[2] for key in files.find(f"{root}/checkpoints")]
+    assert 1 <= len({key.split("/")[0] for key in found if "/" in key}) <= 2
+
+
+def test_a_host_that_hangs_up_is_called_again(record, tmp_path, elsewhere, host):
+    """Whoever keeps a connection has a dead one from then on."""
+    disk = record(tmp_path / "disk.gasp")
+    cut = []
+
+    def recorded(frame):
+        if frame in (1, 2):
+            cut.append(host.hang_up())
+
+    same(record(f"{host.address}/runs/a.gasp", recorded=recorded), disk)
+    assert min(cut) > 0
+    elsewhere()
+    host.hang_up()
+    same(Recording.open(f"{host.address}/runs/a.gasp"), disk)
+
+
+def test_a_host_that_does_not_know_one_says_so(record, host):
+    stranger = host.address.replace(":secret@", ":wrong@")
+    with pytest.raises(RecordingError, match=r"cannot be opened: .*[Aa]uthentication") as caught:
+        record(f"{stranger}/runs/a.gasp")
+    # Passwords are for nobody's log.
+    assert "wrong" not in str(caught.value) and "ssh://me:***@127.0.0.1" in str(caught.value)
 
 
 class Lost(Exception):

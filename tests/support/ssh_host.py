@@ -1,0 +1,89 @@
+"""A host of SSH on this machine, for tests."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+_PASSWORD = "secret"
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """A folder that is the root of an address, ssh://me:PASSWORD@127.0.0.1:PORT."""
+
+    address: str
+    loop: asyncio.AbstractEventLoop
+    connections: list[Any] = field(default_factory=list)
+
+    def hang_up(self) -> int:
+        """Cut all connections there are; how many they were."""
+
+        async def cut() -> int:
+            count = len(self.connections)
+            while self.connections:
+                self.connections.pop().abort()
+            return count
+
+        return asyncio.run_coroutine_threadsafe(cut(), self.loop).result(30)
+
+
+@contextmanager
+def ssh_host(folder: Path) -> Generator[Host]:
+    """A host, until the end of the block."""
+    pytest.importorskip("fsspec")
+    # What fsspec opens such addresses with, and the other end of it.
+    pytest.importorskip("paramiko")
+    asyncssh: Any = pytest.importorskip("asyncssh")
+    connections: list[Any] = []
+
+    class Guard(asyncssh.SSHServer):
+        def connection_made(self, conn: Any) -> None:
+            connections.append(conn)
+
+        def begin_auth(self, username: str) -> bool:
+            return True
+
+        def password_auth_supported(self) -> bool:
+            return True
+
+        def validate_password(self, username: str, password: str) -> bool:
+            return (username, password) == ("me", _PASSWORD)
+
+    def serve(channel: Any) -> Any:
+        return asyncssh.SFTPServer(channel, chroot=str(folder))
+
+    async def listen() -> Any:
+        return await asyncssh.create_server(
+            Guard,
+            "127.0.0.1",
+            0,
+            server_host_keys=[asyncssh.generate_private_key("ssh-ed25519")],
+            sftp_factory=serve,
+        )
+
+    async def leave() -> None:
+        server.close()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever, daemon=True)
+    thread.start()
+    server = asyncio.run_coroutine_threadsafe(listen(), loop).result(30)
+    try:
+        port = server.sockets[0].getsockname()[1]
+        yield Host(f"ssh://me:{_PASSWORD}@127.0.0.1:{port}", loop, connections)
+    finally:
+        asyncio.run_coroutine_threadsafe(leave(), loop).result(30)
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join(10)
