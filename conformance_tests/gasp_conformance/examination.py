@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import importlib.metadata
 import os
 import platform
@@ -17,6 +19,7 @@ from gasp_conformance.collection import Collected, collected_checks, is_complete
 from gasp_conformance.declarations import declared, unproven
 from gasp_conformance.deviations import FILE_NAME, Deviation
 from gasp_conformance.ledger import NOTE, Figure
+from gasp_conformance.patience import waiting
 from gasp_conformance.report import (
     CheckResult,
     EngineIdentity,
@@ -145,7 +148,8 @@ class Examination:
             verdict=Verdict(outcome=VerdictOutcome.FAILS, reasons=(f"the process ended in check {one.name}",)),
         )
         self._write()
-        answer = yield
+        with waiting(one.name, functools.partial(_aloud, item.config)):
+            answer = yield
         self._report = replace(self._report, checks=(*self._report.checks, self._result(one)))
         return answer
 
@@ -215,7 +219,7 @@ class Examination:
                 numbers = f"{figure.value:>11.4g}   {figure.sense} {figure.bound:.5g}"
                 terminalreporter.line(f"{figure.case:<22} {figure.figure:<46} {numbers}")
         terminalreporter.section("conformance")
-        for line in report_lines(self._report):
+        for line in report_lines(self._report, terminalreporter.config.get_terminal_writer().fullwidth):
             terminalreporter.line(line.text, **({line.colour: True} if line.colour else {}))
 
     def _result(self, one: Collected) -> CheckResult:
@@ -280,6 +284,13 @@ def _is_excusable(error: BaseException) -> bool:
     if isinstance(error, EngineCrashedError):
         return False
     return isinstance(error, (AssertionError, GaspError, pytest.fail.Exception, pytest.skip.Exception, Undeclared))
+
+
+def _aloud(config: pytest.Config, line: str) -> None:
+    """Say something while a check goes on, whose own words are kept back."""
+    capture = config.pluginmanager.get_plugin("capturemanager")
+    with contextlib.nullcontext() if capture is None else capture.global_and_fixture_disabled():
+        config.get_terminal_writer().line(f"\n{line}", flush=True)
 
 
 def _identity(subject: Subject) -> EngineIdentity:

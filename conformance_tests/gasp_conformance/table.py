@@ -1,4 +1,4 @@
-"""A report as lines of text, no wider than a terminal."""
+"""A report as lines of text, as wide as a terminal."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from gasp_conformance.report import CheckResult, Outcome, Report, VerdictOutcome
 
 __all__ = ["Line", "report_lines"]
 
-WIDTH = 100
-_WIDEST_NAME = 40
+NARROWEST = 100
+_WIDEST_NAME = 0.4
+"""Of the width."""
 
 Colour = Literal["green", "red", "yellow"]
 
@@ -41,26 +42,34 @@ class Line:
     colour: Colour | None = None
 
 
-def report_lines(report: Report) -> Iterator[Line]:
-    """A table of checks with their worst figures, what did not pass and why, and the verdict."""
+def report_lines(report: Report, width: int = NARROWEST) -> Iterator[Line]:
+    """A table of checks with their worst figures, what did not pass and why, and the verdict.
+
+    Parameters
+    ----------
+    width
+        Of the lines; `NARROWEST` at least.
+    """
+    width = max(width, NARROWEST)
     if report.checks:
-        yield from _table(report.checks)
+        yield from _table(report.checks, width)
         yield Line("")
     for result in report.checks:
         if result.outcome.fails or result.outcome is Outcome.DEVIATES:
-            yield from _wrapped(f"{result.name} {result.outcome.value}: {result.reason}", _COLOURS[result.outcome])
+            told = f"{result.name} {result.outcome.value}: {result.reason}"
+            yield from _wrapped(told, width, _COLOURS[result.outcome])
     for one in report.unproven:
         if one.excused:
-            yield from _wrapped(f"{one.capability} not shown: {one.reason}", "yellow")
-    yield from _verdict(report)
+            yield from _wrapped(f"{one.capability} not shown: {one.reason}", width, "yellow")
+    yield from _verdict(report, width)
 
 
-def _table(results: tuple[CheckResult, ...]) -> Iterator[Line]:
-    width = min(_WIDEST_NAME, max(len("CHECK"), *(len(result.name) for result in results)))
+def _table(results: tuple[CheckResult, ...], full: int) -> Iterator[Line]:
+    width = min(int(_WIDEST_NAME * full), max(len("CHECK"), *(len(result.name) for result in results)))
     yield Line(f"{'LEVEL':<12}  {'CHECK':<{width}}  {'OUTCOME':<10}  WORST FIGURE, BOUND")
     for result in results:
         left = f"{result.level.value:<12}  {_cut(result.name, width):<{width}}  {result.outcome.value:<10}  "
-        yield Line((left + _finding(result, WIDTH - len(left))).rstrip(), _COLOURS[result.outcome])
+        yield Line((left + _finding(result, full - len(left))).rstrip(), _COLOURS[result.outcome])
 
 
 def _finding(result: CheckResult, width: int) -> str:
@@ -72,7 +81,7 @@ def _finding(result: CheckResult, width: int) -> str:
     return _cut(worst.figure, max(8, width - len(numbers))) + numbers
 
 
-def _verdict(report: Report) -> Iterator[Line]:
+def _verdict(report: Report, width: int) -> Iterator[Line]:
     engine, verdict = report.engine, report.verdict
     colour = _VERDICT_COLOURS[verdict.outcome]
     counts = Counter(result.outcome for result in report.checks)
@@ -85,14 +94,15 @@ def _verdict(report: Report) -> Iterator[Line]:
     yield from _wrapped(
         f"{engine.name} ({engine.precision}, {engine.device}, {report.extent.value}): {said}"
         f" ({tally or 'nothing ran'})",
+        width,
         colour,
     )
     for reason in verdict.reasons:
-        yield from _wrapped(f"- {reason}", colour)
+        yield from _wrapped(f"- {reason}", width, colour)
 
 
-def _wrapped(text: str, colour: Colour | None) -> Iterator[Line]:
-    for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False):
+def _wrapped(text: str, width: int, colour: Colour | None) -> Iterator[Line]:
+    for line in textwrap.wrap(text, width, subsequent_indent="  ", break_on_hyphens=False):
         yield Line(line, colour)
 
 

@@ -25,7 +25,7 @@ from gasp_conformance.report import (
     read_report,
     write_report,
 )
-from gasp_conformance.table import WIDTH, report_lines
+from gasp_conformance.table import NARROWEST, report_lines
 from gasp_conformance.verdict import judge
 
 from gasp_core.contract import (
@@ -264,7 +264,7 @@ def test_the_table_fits_a_terminal_and_shows_the_worst_figure() -> None:
     )
     report = replace(REPORT, checks=(*REPORT.checks, long, replace(result("V9", Outcome.ERROR), reason="word " * 60)))
     lines = [line.text for line in report_lines(report)]
-    assert max(len(line) for line in lines) <= WIDTH
+    assert max(len(line) for line in lines) <= NARROWEST
     text = "\n".join(lines)
     assert "core          lifecycle" in text
     (row,) = (line for line in lines if line.startswith("verification  V16"))
