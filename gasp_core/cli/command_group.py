@@ -32,7 +32,7 @@ BUILT_IN = {
     "convert": ("gasp_core.cli.convert:convert", "Turn a splat file into another format."),
     "verify": ("gasp_core.cli.verify:verify", "Look at every file of a recording, and say what is damaged."),
     "export": ("gasp_core.cli.export:export", "Write the frames of a run as splat files."),
-    "soup": ("gasp_core.cli.soup:soup", "Lend a splat's triangles to other programs, and take it back."),
+    "soup": ("gasp_core.cli.soup:soup", "Lend a splat's triangles to other programs, and take them back."),
     "bind": ("gasp_core.cli.bind:bind", "Move a splat with a mesh that another program moves."),
     "track": ("gasp_core.cli.track:track", "Follow Gaussians through frames that were made one by one."),
     "pack": ("gasp_core.cli.pack:pack", "Write a run as a moving splat, one file that one can send."),

@@ -40,6 +40,7 @@ Open comparison.html in a browser: tables, films side by side, plots.
 @click.option("--engines", metavar="A,B,C", help="Engines, with commas between. [default: all that are ready]")
 @click.option(
     "--out",
+    "-o",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
     help="Where it all goes. [default: the scene's name with .compare, in the current folder]",

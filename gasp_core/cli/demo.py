@@ -47,6 +47,7 @@ Examples:
 @click.option("--engine", metavar="NAME", help="Engine to use. [default: the fastest that is installed]")
 @click.option(
     "--out",
+    "-o",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
     help=f"Folder to make. [default: {_FOLDER}, or {_FOLDER}-2 and so on where that is taken]",

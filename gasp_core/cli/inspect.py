@@ -40,7 +40,11 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or st
 @level_option
 @most_memory_option
 @click.option("--solid", is_flag=True, help="Find the body that the splat is the surface of, and draw slices of it.")
-@click.option("--slices", type=click.Path(path_type=Path), help="Where to. [default: NAME.solid.png]")
+@click.option(
+    "--slices",
+    type=click.Path(path_type=Path),
+    help="Picture of them; implies --solid. [default: NAME.solid.png]",
+)
 @click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")
 @click.option("--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The file's axis that is up.")
 @overwrite_option("a picture of slices")

@@ -70,6 +70,7 @@ Examples:
 @settings_options
 @click.option(
     "--out",
+    "-o",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
     help="Where to keep the frames: a folder, or s3://bucket/run.gasp and the like. [default: the scene's name with"

@@ -132,7 +132,7 @@ def settings_options(command: Callable[..., None]) -> Callable[..., None]:
             "--cores",
             metavar="SHARE|N|all",
             type=_Cores(),
-            help='Cores that stand for the Gaussians: a share, 0.1, or a number, 5000; "all": every vertex.',
+            help='Clusters that stand for the Gaussians: a share, 0.1, or a number, 5000; "all": every vertex.',
         ),
         set_option,
     )

@@ -24,7 +24,7 @@ Examples:
 """
 )
 def soup() -> None:
-    """Lend a splat's triangles to other programs, and take it back.
+    """Lend a splat's triangles to other programs, and take them back.
 
     Each Gaussian is a triangle, or a tetrahedron where it is not flat. Whatever moves their vertices, by hand or by a
     script, moves the splat.

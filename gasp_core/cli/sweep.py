@@ -11,7 +11,6 @@ import click
 
 from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
-from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.printing import print_json, print_table
 from gasp_core.cli.run_path import RunPath, keep_at_option
 from gasp_core.cli.settings import PRECISIONS, device_option
@@ -70,6 +69,7 @@ status: 0 where at least one run came to its end, else 2.
 @click.option("--observe", metavar="FILE.py:FUNCTION", multiple=True, help="A number of each run, as a column.")
 @click.option(
     "--out",
+    "-o",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
     help="Where the table goes. [default: the scene's name with .sweep, in the current folder]",
@@ -80,7 +80,7 @@ status: 0 where at least one run came to its end, else 2.
 @makers_options("Runs at a time. [default: the processors, by --threads]")
 @most_memory_option
 @trust_code_option
-@overwrite_option("a table, and make all runs anew,")
+@click.option("--overwrite", is_flag=True, help="Make all runs anew, and replace the table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON, and no progress.")
 def sweep(
     scene: Path, changes: tuple[str, ...], zipped: bool, table: Path | None, engine: str | None, device: str | None,

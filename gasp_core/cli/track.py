@@ -57,7 +57,7 @@ a surface that looks the same everywhere, none of these can tell.
     type=click.IntRange(min=8, max=800),
     default=200,
     show_default=True,
-    help="That the motion is made of: time goes with their third power, memory with their second, 3 GB for 800.",
+    help="Nodes that the motion is made of: time goes with their third power, memory with their second, 3 GB for 800.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print distances as JSON, and no progress.")
 @overwrite_option("a folder of frames")

@@ -118,6 +118,7 @@ FRONT marks the settings that no other one beats in both error and time.
 @click.option("--truth", metavar="FILE.py:FUNCTION", help="Closed form. [default: a run 1.5 times finer]")
 @click.option(
     "--out",
+    "-o",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
     help="Where table and plot go. [default: the scene's name with .tradeoff, in the current folder]",
