@@ -1,4 +1,7 @@
-"""A word about a check that does not come back: an engine may hang, and nothing else would say where."""
+"""A word about a check that does not come back: an engine may hang, and nothing else would say where.
+
+One that hangs with the interpreter's lock in its hands is named by nobody; the report on disk names it all the same.
+"""
 
 from __future__ import annotations
 

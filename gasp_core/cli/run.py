@@ -23,6 +23,7 @@ from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
 if TYPE_CHECKING:
     from gasp_core.recording import Recording
+    from gasp_core.rendering.live import LiveFilm
     from gasp_core.scene.model import Scene
 
 __all__ = ["filmed", "interrupted", "previewed", "print_outcome", "resumable", "run"]
@@ -161,13 +162,14 @@ def run(
         return
     # What was filmed of it so far is part of a run that goes on.
     keep_what_is_there(films, overwrite or resume, "--render")
-    from gasp_core.recording.addresses import address_of, made_here, shown
+    from gasp_core.recording.addresses import address_of, made_here
 
     address = address_of(folder)
     # Whoever looks at it while it is made looks at what is on this machine.
     here = folder if address is None else made_here(address)
     with resumable(here, command), rehearsed() if films else contextlib.nullcontext():
-        with filmed(here, loaded, films, size, frames, False if as_json or quiet else None) as recorded:
+        with filmed(here, loaded, films, size, frames, False if as_json or quiet else None) as film:
+            recorded = None if film is None else film.recorded
             recording = simulate(
                 loaded,
                 engine=engine,
@@ -190,12 +192,12 @@ def run(
         elif quiet:
             pass
         else:
-            where = None if address is None else shown(address)
-            print_outcome(recording, where)
-            made = ", ".join(shlex.quote(str(path)) for path in films if path.exists())
-            named = shlex.quote(where or str(folder))
+            print_outcome(recording, address)
+            made = "" if film is None or film.problem else ", ".join(shlex.quote(str(path)) for path in films)
+            named = shlex.quote(address or str(folder))
             if preview:
-                click.echo(f"a first look, coarse: {made}; all of it: gasp run {shlex.quote(str(scene))}")
+                seen = f"a first look, coarse: {made}; " if made else ""
+                click.echo(f"{seen}all of it: gasp run {shlex.quote(str(scene))}")
             else:
                 click.echo(f"a film of it: {made or 'gasp render ' + named}")
                 click.echo(f"splat files of it: gasp export {named} --all --format ply")
@@ -229,7 +231,7 @@ def filmed(
     size: tuple[int, int],
     frames: int | None,
     progress: bool | None,
-) -> Generator[Callable[[int], None] | None]:
+) -> Generator[LiveFilm | None]:
     """Something to tell each new frame to; the films are there in the end, or a line on stderr that says why not."""
     if not films:
         yield None
@@ -239,7 +241,7 @@ def filmed(
     film = LiveFilm(folder, scene, films, width=size[0], height=size[1], frames=frames, progress=progress)
     try:
         with film:
-            yield film.recorded
+            yield film
     finally:
         if film.problem:
             click.echo(f"not filmed: {film.problem}; the run is not harmed by that: gasp render films it", err=True)

@@ -107,6 +107,10 @@ def pack(
     source = _Source.of(recording)
     allowed = error * source.diagonal
     quantum = _QUANTUM * allowed
+    try:
+        entries, solids = entries_of(colliders, np.arange(recording.frame_count) / recording.header.frame_rate)
+    except ValueError as failure:
+        raise RecordingError(f"{path}: {failure}") from failure
     refusal = f"{path}: an error of {error:g} of the diagonal cannot be kept: allow more"
     try:
         blocks, largest = _frames(source, quantum, allowed, progress)
@@ -114,8 +118,6 @@ def pack(
         raise RecordingError(f"{refusal} ({failure})") from failure
     if largest > allowed:
         raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
-    times = np.arange(recording.frame_count) / recording.header.frame_rate
-    entries, solids = entries_of(colliders, times)
     header = MotionHeader(
         frames=recording.frame_count,
         frames_a_block=_FRAMES_A_BLOCK,

@@ -25,6 +25,7 @@ from gasp_core.contract import (
     SphereShape,
 )
 from gasp_core.errors import SceneError
+from gasp_core.io.format_errors import quoted
 from gasp_core.moving.integers import decoded, encoded
 from gasp_core.scene.file_shapes import resolved
 from gasp_core.stepping.rigid_motion import pose_of
@@ -39,9 +40,13 @@ _FIELD = SignedDistanceField.kind
 _STEPS = 64
 """Of a spacing."""
 _FARTHEST = 2 * _STEPS
-_MOST_NODES = 160
-"""Of a field, along an axis: what a picture shows, and less than any graphics card must take."""
-_LARGEST_FIELD = 1 << 24
+_MOST_NODES = 256
+"""Of a field, along an axis: what any graphics card takes."""
+_MOST_NODES_IN_ALL = 1 << 25
+_MOST = 1000
+"""Colliders."""
+_MOST_POSES = 1 << 18
+"""In all: those of ten colliders for a quarter of an hour."""
 _POSE = 7
 """Numbers of a pose: the place and the quaternion."""
 
@@ -55,9 +60,17 @@ def entries_of(colliders: Sequence[Collider], times: Array) -> tuple[list[Entry]
         What engines know no shape of is left out.
     times : (F,) [s]
         Of the frames.
+
+    Raises
+    ------
+    ValueError
+        Where they are more than readers take.
+    SceneError
+        Where a file of one cannot be read.
     """
     entries: list[Entry] = []
     files: dict[str, bytes] = {}
+    _refuse_too_many(len(colliders), len(times) * sum(one.motion is not None for one in colliders), 0)
     for one in map(resolved, colliders):
         name, shape = f"{len(entries)}/", one.shape
         entry: Entry = {"kind": shape.kind, "side": one.side.value}
@@ -73,6 +86,7 @@ def entries_of(colliders: Sequence[Collider], times: Array) -> tuple[list[Entry]
             entry["moves"] = list(one.motion.center)
             files[name + "poses"] = _poses(one, times)
         entries.append(entry)
+    _refuse_too_many(0, 0, sum(math.prod(entry["nodes"]) for entry in entries if "nodes" in entry))
     return entries, files
 
 
@@ -96,11 +110,16 @@ def solids_of(
         Where they are damaged.
     """
     found: list[Collider] = []
+    _refuse_too_many(len(entries), len(times) * sum("moves" in entry for entry in entries), 0)
+    nodes = 0
     for number, entry in enumerate(entries):
         kind, name = entry.get("kind"), f"{number}/"
         if kind not in (*_FORMULAS, _FIELD):
             continue
         try:
+            if kind == _FIELD:
+                nodes += math.prod(_nodes_of(entry))
+                _refuse_too_many(0, 0, nodes)
             shape = (
                 _field_of(entry, lambda most, name=name: fetch(name + "field", most))
                 if kind == _FIELD
@@ -110,10 +129,21 @@ def solids_of(
             if "moves" in entry:
                 motion = _motion_of(entry["moves"], fetch(name + "poses", 8 * _POSE * len(times)), times)
             found.append(Collider(shape=shape, side=Side(entry["side"]), motion=motion))
-        except (KeyError, TypeError, ValueError, SceneError) as error:
-            told = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+        except (KeyError, TypeError, ValueError, OverflowError, SceneError) as error:
+            told = f"lacks {error}" if isinstance(error, KeyError) else quoted(error)
             raise ValueError(f"collider {number + 1} is damaged: {told}") from error
     return tuple(found)
+
+
+def _refuse_too_many(colliders: int, poses: int, nodes: int) -> None:
+    """A file of a few kB could take all memory there is."""
+    for count, most, what in (
+        (colliders, _MOST, "colliders"),
+        (poses, _MOST_POSES, "poses of colliders that move"),
+        (nodes, _MOST_NODES_IN_ALL, "nodes of signed distance fields"),
+    ):
+        if count > most:
+            raise ValueError(f"{count:,} {what}, {most:,} are the most that a moving splat may have")
 
 
 def _names(shape: type[Shape]) -> list[str]:
@@ -122,26 +152,35 @@ def _names(shape: type[Shape]) -> list[str]:
 
 def _coarse(field: SignedDistanceField) -> SignedDistanceField:
     """The same with no more nodes along an axis than a picture needs."""
+    from scipy import ndimage
+
     share = math.ceil((max(field.values.shape) - 1) / (_MOST_NODES - 2))
     if share == 1:
         return field
     # Whole steps along every axis, so that the outermost nodes are outside still.
     margins = [(0, -(count - 1) % share) for count in field.values.shape]
-    values = np.pad(field.values, margins, mode="edge")[::share, ::share, ::share]
-    return SignedDistanceField(origin=field.origin, spacing=share * field.spacing, values=values)
+    fine = np.pad(field.values, margins, mode="edge")
+    values = fine[::share, ::share, ::share]
+    # What is thinner than the distance of nodes that are left would be lost between them.
+    deepest = ndimage.minimum_filter(fine, 2 * (share // 2) + 1)[::share, ::share, ::share]
+    near: Array = ndimage.binary_dilation(values < 0, np.ones((3, 3, 3)))
+    thin: Array = (deepest < 0) & np.logical_not(near)
+    for axis in range(3):
+        np.moveaxis(thin, axis, 0)[[0, -1]] = False
+    return SignedDistanceField(
+        origin=field.origin, spacing=share * field.spacing, values=np.where(thin, deepest, values)
+    )
 
 
 def _table(field: SignedDistanceField) -> bytes:
     steps = np.clip(field.values * (_STEPS / field.spacing), -_FARTHEST, _FARTHEST)
-    # What is outside stays so: rounded to nothing it would be on the surface.
-    numbers = np.where(steps > 0, np.maximum(np.round(steps), 1), np.round(steps)).astype(np.int64)
+    # What is outside, or inside, stays so: rounded to nothing it would be on the surface.
+    numbers = (np.sign(steps) * np.ceil(np.abs(steps) - 0.5).clip(1)).astype(np.int64)
     return encoded(numbers.reshape(-1, numbers.shape[2]))
 
 
 def _field_of(entry: Mapping[str, Any], fetch: Callable[[int], bytes]) -> SignedDistanceField:
-    nodes = [int(count) for count in entry["nodes"]]
-    if len(nodes) != 3 or min(nodes) < 2 or math.prod(nodes) > _LARGEST_FIELD:
-        raise ValueError(f"a field of {nodes} nodes")
+    nodes = _nodes_of(entry)
     numbers, rest = decoded(memoryview(fetch(4 * math.prod(nodes) + 1)), nodes[0] * nodes[1], nodes[2])
     if len(rest):
         raise ValueError("its field is longer than it says")
@@ -149,6 +188,13 @@ def _field_of(entry: Mapping[str, Any], fetch: Callable[[int], bytes]) -> Signed
     return SignedDistanceField(
         origin=tuple(entry["origin"]), spacing=spacing, values=(numbers * (spacing / _STEPS)).reshape(nodes)
     )
+
+
+def _nodes_of(entry: Mapping[str, Any]) -> list[int]:
+    nodes = [int(count) for count in entry["nodes"]]
+    if len(nodes) != 3 or min(nodes) < 2:
+        raise ValueError(f"a field of {nodes} nodes")
+    return nodes
 
 
 def _poses(collider: Collider, times: Array) -> bytes:

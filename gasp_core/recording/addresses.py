@@ -24,10 +24,12 @@ from gasp_core.io.atomic import replacing
 from gasp_core.io.cache_folders import cache_folder
 from gasp_core.processes.scratch import MARK
 from gasp_core.recording.layout import FILES
+from gasp_core.recording.ssh_hosts import PROTOCOLS, ssh_files
 
-__all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing", "shown"]
+__all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
 
 _ADDRESS = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?!/)(.+)", re.DOTALL)
+_PASSWORD = re.compile(r"([^:/]+:/{1,2}[^/@:]*):[^/]*@")
 _TAGS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created", "updated")
 """Under which file systems say that a file is another one than before."""
 _KEYED = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "oss", "r2", "memory"})
@@ -48,11 +50,6 @@ def address_of(path: str | Path) -> str | None:
     if found is None or found[1] in ("file", "local"):
         return None
     return f"{found[1]}://{found[2].rstrip('/')}"
-
-
-def shown(address: str) -> str:
-    """An address as messages have it, without its password."""
-    return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", address)
 
 
 def local_copy(path: str | Path) -> Path:
@@ -154,7 +151,7 @@ class Mirror:
         there = self._there()
         if "zarr.json" not in there:
             what = "is no recording (no zarr.json in it)" if there else "there is no such recording"
-            raise RecordingError(f"{shown(self.address)}: {what}")
+            raise RecordingError(f"{self.address}: {what}")
         known = self._notes()
         # Whatever else is listed there has no business on this machine.
         there = {key: stamp for key, stamp in there.items() if _is_known(key)}
@@ -193,11 +190,11 @@ class Mirror:
         there = self._there()
         strange = [key for key in there if not _is_known(key)]
         if strange:
-            raise RecordingError(f"{shown(self.address)}: holds {strange[0]}, which is of no recording")
+            raise RecordingError(f"{self.address}: holds {strange[0]}, which is of no recording")
         # Without it a connection was lost before anything could be read: that is in nobody's way.
         if "zarr.json" in there and not overwrite:
             raise RecordingError(
-                f"{shown(self.address)}: a recording is there already: resume it, choose another name, or overwrite it"
+                f"{self.address}: a recording is there already: resume it, choose another name, or overwrite it"
             )
         probe = f"{self._root}/{_PROBE}"
 
@@ -233,7 +230,8 @@ class Mirror:
             self.behind = ""
         except Exception as error:  # file systems raise whatever their libraries do
             self.behind = _said(error)
-            self._reopen()
+            if not isinstance(error, (PermissionError, FileNotFoundError)):
+                self._reopen()
 
     def finish(self) -> None:
         """The last `push`, tried again where it has to be.
@@ -249,7 +247,7 @@ class Mirror:
                 return
             time.sleep(_PAUSE * 2**attempt)
         raise RecordingError(
-            f"{shown(self.address)}: is not complete, the connection was lost ({self.behind}): what is there can be"
+            f"{self.address}: is not complete, the connection was lost ({self.behind}): what is there can be"
             " read, and gone on with (gasp run --resume)"
         )
 
@@ -289,7 +287,7 @@ class Mirror:
     def _walked(self) -> dict[str, Any]:
         """All files, of folder after folder: `find` passes over those that cannot be read, and says nothing."""
         found: dict[str, Any] = {}
-        folders = [self._root]
+        folders, seen = [self._root], {self._root}
         while folders:
             folder = folders.pop()
             try:
@@ -299,7 +297,9 @@ class Mirror:
                 if folder == self._root:
                     raise
                 continue
-            folders += [info["name"] for info in entries if info["type"] == "directory"]
+            within = {info["name"] for info in entries if info["type"] == "directory"} - seen
+            folders += within
+            seen |= within
             found |= {info["name"]: info for info in entries if info["type"] != "directory"}
         return found
 
@@ -330,10 +330,10 @@ class Mirror:
             try:
                 return action()
             except (PermissionError, FileNotFoundError) as error:
-                raise RecordingError(f"{shown(self.address)}: {what}: {_said(error)}") from None
+                raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
             except Exception as error:  # file systems raise whatever their libraries do
                 if attempt == _ATTEMPTS - 1:
-                    raise RecordingError(f"{shown(self.address)}: {what}: {_said(error)}") from None
+                    raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
                 time.sleep(_PAUSE * 2**attempt)
                 self._reopen()
         return None
@@ -376,19 +376,25 @@ def _said(error: Exception) -> str:
 def _in_cache(address: str, name: str, use: str) -> Path:
     cache = cache_folder("recordings")
     if cache is None:
-        raise RecordingError(f"{shown(address)}: its copy would lie in the cache, which GASP_CACHE has switched off")
+        raise RecordingError(f"{address}: its copy would lie in the cache, which GASP_CACHE has switched off")
     return cache / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
 
 
 def _file_system(address: str, *, anew: bool = False) -> tuple[Any, str]:
+    if _PASSWORD.match(address):
+        told = _PASSWORD.sub(r"\1:***@", address)
+        raise RecordingError(
+            f"{told}: a password here would end up in tables and logs: leave it out, and let a key open it"
+        )
     try:
         fsspec: Any = importlib.import_module("fsspec")
     except ImportError:
-        raise RecordingError(
-            f"{shown(address)}: addresses are opened by fsspec: pip install 'gasp-core[remote]'"
-        ) from None
+        raise RecordingError(f"{address}: addresses are opened by fsspec: pip install 'gasp-core[remote]'") from None
     try:
-        files, root = fsspec.core.url_to_fs(address, skip_instance_cache=anew)
+        if address.partition(":")[0] in PROTOCOLS:
+            files, root = ssh_files(address)
+        else:
+            files, root = fsspec.core.url_to_fs(address, skip_instance_cache=anew)
     except Exception as error:  # file systems raise whatever their libraries do
-        raise RecordingError(f"{shown(address)}: cannot be opened: {_said(error)}") from None
+        raise RecordingError(f"{address}: cannot be opened: {_said(error)}") from None
     return files, str(root).rstrip("/")

@@ -12,12 +12,10 @@ from typing import Any
 
 import pytest
 
-_PASSWORD = "secret"
-
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """A folder that is the root of an address, ssh://me:PASSWORD@127.0.0.1:PORT."""
+    """A folder that is the root of an address, ssh://me@127.0.0.1:PORT."""
 
     address: str
     loop: asyncio.AbstractEventLoop
@@ -36,13 +34,17 @@ class Host:
 
 
 @contextmanager
-def ssh_host(folder: Path) -> Generator[Host]:
-    """A host, until the end of the block."""
+def ssh_host(folder: Path, home: Path) -> Generator[Host]:
+    """A host, until the end of the block, which whoever has this home is known to, and knows."""
     pytest.importorskip("fsspec")
     # What fsspec opens such addresses with, and the other end of it.
     pytest.importorskip("paramiko")
     asyncssh: Any = pytest.importorskip("asyncssh")
     connections: list[Any] = []
+    hosts, own = (asyncssh.generate_private_key("ssh-ed25519") for _ in range(2))
+    keys = home / ".ssh"
+    keys.mkdir(parents=True)
+    own.write_private_key(keys / "id_ed25519")
 
     class Guard(asyncssh.SSHServer):
         def connection_made(self, conn: Any) -> None:
@@ -51,11 +53,11 @@ def ssh_host(folder: Path) -> Generator[Host]:
         def begin_auth(self, username: str) -> bool:
             return True
 
-        def password_auth_supported(self) -> bool:
+        def public_key_auth_supported(self) -> bool:
             return True
 
-        def validate_password(self, username: str, password: str) -> bool:
-            return (username, password) == ("me", _PASSWORD)
+        def validate_public_key(self, username: str, key: Any) -> bool:
+            return username == "me" and key.public_data == own.public_data
 
     def serve(channel: Any) -> Any:
         return asyncssh.SFTPServer(channel, chroot=str(folder))
@@ -65,7 +67,7 @@ def ssh_host(folder: Path) -> Generator[Host]:
             Guard,
             "127.0.0.1",
             0,
-            server_host_keys=[asyncssh.generate_private_key("ssh-ed25519")],
+            server_host_keys=[hosts],
             sftp_factory=serve,
         )
 
@@ -82,7 +84,9 @@ def ssh_host(folder: Path) -> Generator[Host]:
     server = asyncio.run_coroutine_threadsafe(listen(), loop).result(30)
     try:
         port = server.sockets[0].getsockname()[1]
-        yield Host(f"ssh://me:{_PASSWORD}@127.0.0.1:{port}", loop, connections)
+        public = hosts.export_public_key().decode()
+        (keys / "known_hosts").write_text(f"[127.0.0.1]:{port} {public}", encoding="utf-8")
+        yield Host(f"ssh://me@127.0.0.1:{port}", loop, connections)
     finally:
         asyncio.run_coroutine_threadsafe(leave(), loop).result(30)
         loop.call_soon_threadsafe(loop.stop)

@@ -68,7 +68,7 @@ float lines(vec3 position, vec3 normal, float blur) {
 /** Signed distance in spacings, at a place in spacings from the first node. */
 float fieldAt(int number, vec3 place, vec3 last) {
   vec3 share = (clamp(place, vec3(0.0), last) + 0.5) / (last + 1.0);
-${FIELDS.map((number) => `  if (number == ${number}) return texture(field${number}, share.zyx).x;`).join("\n")}
+${FIELDS.map((number) => `  if (number == ${number}) return textureLod(field${number}, share.zyx, 0.0).x;`).join("\n")}
   return 1.0;
 }
 
@@ -191,7 +191,8 @@ function roundLength(length) {
   return power * [5, 2, 1].find((step) => step * power <= length * (1 + 1e-12));
 }
 
-function doubles(bytes) {
+function doubles(bytes, count) {
+  if (bytes.length !== 8 * count) throw new Error("poses are cut off");
   return new Float64Array(bytes.slice().buffer);
 }
 
@@ -199,7 +200,7 @@ function doubles(bytes) {
 export class Ground {
   static async of(gl, header, files) {
     const ground = new Ground(gl, header);
-    await ground.fetch(header.colliders ?? [], files);
+    await ground.fetch(header, files);
     return ground;
   }
 
@@ -216,7 +217,7 @@ export class Ground {
   }
 
   /** What is drawn of them, and what that takes. */
-  async fetch(colliders, files) {
+  async fetch({ colliders = [], frames }, files) {
     const { gl } = this;
     const rows = [];
     for (const [number, one] of colliders.entries()) {
@@ -227,7 +228,7 @@ export class Ground {
         if (!files.has(path)) throw new Error(`this moving splat has lost ${path}`);
         return files.get(path)();
       };
-      if (one.moves) this.movers.push({ row: rows.length, poses: doubles(await file("poses")) });
+      if (one.moves) this.movers.push({ row: rows.length, poses: doubles(await file("poses"), 7 * frames) });
       rows.push(Ground.row(one, this.fields.length));
       if (one.nodes) this.fields.push(this.field(one.nodes, await file("field")));
     }
@@ -262,7 +263,9 @@ export class Ground {
   /** Signed distances in spacings, as a texture. */
   field([nx, ny, nz], bytes) {
     const { gl } = this;
-    const numbers = new Numbers(bytes).table(nx * ny, nz);
+    const table = new Numbers(bytes);
+    const numbers = table.table(nx * ny, nz);
+    if (table.at !== bytes.length) throw new Error("a field is longer than it says");
     const texture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_3D, texture);
     for (const name of ["TEXTURE_MIN_FILTER", "TEXTURE_MAG_FILTER"]) gl.texParameteri(gl.TEXTURE_3D, gl[name], gl.LINEAR);
