@@ -76,7 +76,9 @@ status: 0 where at least one run came to its end, else 2.
 )
 @click.option("--keep", is_flag=True, help="Keep the recordings, in FOLDER/runs.")
 @keep_at_option
-@click.option("--preview", is_flag=True, help="Only say how many runs, points, hours and bytes it will be.")
+@click.option(
+    "--preview", "--dry-run", is_flag=True, help="Only say how many runs, points, hours and bytes it will be."
+)
 @makers_options("Runs at a time. [default: the processors, by --threads]")
 @most_memory_option
 @trust_code_option
