@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
-
 import click
 
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.run_path import RunPath
-
-if TYPE_CHECKING:
-    from gasp_core.recording import Recording
 
 __all__ = ["pack"]
 
@@ -78,16 +73,3 @@ def pack(run: Path, html: bool, out: Path | None, error: float, overwrite: bool)
     off = 1e3 * found.largest_error
     click.echo(f"{path}: {found.frames:,} frames, {path.stat().st_size / 1e6:.1f} MB")
     click.echo(f"  the motion takes {each:.1f} kB a frame; no Gaussian is off by more than {off:.2g} mm")
-    if _has_flowed(recording):
-        click.echo(
-            "  what has flowed looks torn in it: the grains that pictures of the run show are not among its Gaussians;"
-            " gasp render and gasp export --as-drawn have them"
-        )
-
-
-def _has_flowed(recording: Recording) -> bool:
-    """Whether pictures of the last frame show grains."""
-    from gasp_core.recording.drawn import DrawnFrames
-
-    drawn = DrawnFrames(recording)
-    return drawn.most_grains > 0 and len(drawn.splats(recording.frame_count - 1)) > len(recording.reference)

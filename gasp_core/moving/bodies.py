@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gasp_core.games import edge_axes, to_simplices
 from gasp_core.gaussians import Gaussians, rotation_matrices
 from gasp_core.moving.carriers import Carrier
+from gasp_core.reduction.point_frames import PointFrames
 
 __all__ = ["AXIS_STEPS", "CarriedBody", "Corrections", "FreeBody", "MovingBody", "at_rest"]
 
@@ -84,6 +85,11 @@ class CarriedBody:
     def simplices(self, numbers: Array, shift: Array, quantum: float) -> Array:
         """See `MovingBody`."""
         return self.carrier.carry(self.rest, numbers * quantum) + (self.centre + shift)
+
+    def places(self, numbers: Array, shift: Array, quantum: float) -> Array:
+        """Where the points that fill it are, (P, 3) [m]."""
+        assert isinstance(self.carrier, PointFrames)
+        return self.carrier.points + numbers * quantum + (self.centre + shift)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from gasp_core.reduction.cores import Level, Levels
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer import Cores, LeastSquares, OneFrame, Transfer
 
-__all__ = ["KINDS", "carrier_of", "files_of"]
+__all__ = ["KINDS", "carrier_labels", "carrier_of", "files_of"]
 
 Array = NDArray[Any]
 Carrier = PointFrames | Levels
@@ -62,17 +62,29 @@ def carrier_of(kind: str, files: Mapping[str, bytes], points: int, rows: int, sp
     if kind != "volume":
         raise ValueError(f"it is carried by {kind[:40]!r}")
     own = np.arange(points)[:, None]
-    labels = _table(files["labels"], rows)
-    labels[:, 1:] += labels[:, :1]
+    labels = carrier_labels(files, points, rows)
     return PointFrames(
         points=_floats(files["points"], (points, 3)),
         neighbours=_rows_within(_table(files["neighbours"], points) + own, points),
         order=np.arange(rows, dtype=np.int32),
-        labels=_rows_within(labels, points),
+        labels=labels,
         weights=_weights(files["weights"], labels.shape),
         standing_for=np.zeros(points, dtype=np.int32),
         spacing=spacing,
     )
+
+
+def carrier_labels(files: Mapping[str, bytes], points: int, rows: int) -> Array:
+    """The points that each of the rows of a "volume" follows, (N, K).
+
+    Raises
+    ------
+    ValueError, KeyError
+        Where they are damaged.
+    """
+    labels = _table(files["labels"], rows)
+    labels[:, 1:] += labels[:, :1]
+    return _rows_within(labels, points)
 
 
 def _of_points(carrier: PointFrames, order: Array) -> dict[str, bytes]:

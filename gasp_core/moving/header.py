@@ -24,6 +24,7 @@ _FREE = "free"
 _MOST_FRAMES = 10**6
 _MOST_BODIES = 1000
 _MOST_FRAMES_A_BLOCK = 1000
+_MOST_GRAINS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +45,10 @@ class BodyHeader:
         Mean distance of the points [m]; 0 where it is not known.
     centre : (3,) [m]
         In the world, about which points and Gaussians are carried.
+    grains
+        How many a point comes apart into where it flows; 0 where nothing does.
+    grain_scale
+        Standard deviation of a grain [m].
     """
 
     name: str
@@ -53,6 +58,8 @@ class BodyHeader:
     points: int
     spacing: float
     centre: tuple[float, ...]
+    grains: int = 0
+    grain_scale: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +147,7 @@ class MotionHeader:
 
 def _body(meta: Meta) -> BodyHeader:
     kind, name = (meta.entries.get(key) for key in ("kind", "name"))
+    grains = _within(meta, "grains", 0, _MOST_GRAINS) if meta.entries.get("grains") and kind == "volume" else 0
     if kind not in (*KINDS, _FREE) or not isinstance(name, str):
         raise meta.wrong("kind", f"one of {', '.join((*KINDS, _FREE))}, and a name")
     return BodyHeader(
@@ -150,6 +158,8 @@ def _body(meta: Meta) -> BodyHeader:
         points=_within(meta, "points", 0 if kind == _FREE else 1, 1 << 31),
         spacing=meta.number("spacing"),
         centre=tuple(meta.numbers("centre", 3)),
+        grains=grains,
+        grain_scale=_positive(meta, "grain_scale") if grains else 0.0,
     )
 
 

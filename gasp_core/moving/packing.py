@@ -21,12 +21,15 @@ from gasp_core.io.sog_writing import sog_members, write_members
 from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
 from gasp_core.moving.carriers import KINDS, files_of
 from gasp_core.moving.frames import FrameWriter, encoded_corrections
+from gasp_core.moving.grains import PackedGrains
 from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.html import write_page
 from gasp_core.moving.reading import block_name, body_of
 from gasp_core.moving.solids import entries_of
+from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.recording.reader import Recording
 from gasp_core.reduction.bodies import Body
+from gasp_core.reduction.grains import Grains
 from gasp_core.reduction.morton import along_a_curve
 from gasp_core.scene.placement import Placement, place, upright
 
@@ -170,6 +173,8 @@ class _Source:
     origin : (3,) [m]
     diagonal [m]
         Of all that moves, at rest.
+    flowing
+        By the names of bodies that may flow, what they come apart into.
     headers, files, moving
         Of every body.
     """
@@ -180,6 +185,7 @@ class _Source:
     held: Gaussians
     origin: Array
     diagonal: float
+    flowing: Mapping[str, Grains]
     headers: tuple[BodyHeader, ...]
     files: tuple[dict[str, bytes], ...]
     moving: tuple[MovingBody, ...]
@@ -203,12 +209,16 @@ class _Source:
         write_members(stream, members)
         splat, _ = read_sog_zip(stream.getvalue(), recording.path)
         held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
+        flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
         headers, files, moving = [], [], []
         for body, first, entry in zip(bodies, starts, recording.header.bodies):
-            header = _header(body, first, entry.drifts)
+            grains = flowing.get(body.name)
+            header = _header(body, first, entry.drifts, grains)
             rows = np.searchsorted(body.rows, order[header.first : header.last])
             carrier = body.carrier
             files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
+            if grains is not None:
+                files[-1] |= PackedGrains.files_of(grains)
             headers.append(header)
             moving.append(body_of(header, files[-1], held))
         rows = np.concatenate([body.rows for body in bodies])
@@ -221,6 +231,7 @@ class _Source:
             origin=origin,
             # A single Gaussian has no extent but its own.
             diagonal=extent or float(reference.scales[rows].max()),
+            flowing=flowing,
             headers=tuple(headers),
             files=tuple(files),
             moving=tuple(moving),
@@ -243,7 +254,7 @@ def _order(recording: Recording) -> tuple[Array, list[int]]:
     return np.concatenate(parts), [starts[body.item] for body in recording.header.bodies]
 
 
-def _header(body: Body, first: int, drifts: bool) -> BodyHeader:
+def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> BodyHeader:
     # What moves by itself as well is not where points alone would take it.
     kind = body.carrier.kind if body.carrier.kind in KINDS and not drifts else "free"
     carried = kind != "free"
@@ -255,6 +266,8 @@ def _header(body: Body, first: int, drifts: bool) -> BodyHeader:
         points=body.points.stop - body.points.start if carried else 0,
         spacing=float(getattr(body.carrier, "spacing", 0.0)) if carried else 0.0,
         centre=tuple(body.block.centre.tolist()),
+        grains=0 if grains is None else grains.offsets.shape[1],
+        grain_scale=0.0 if grains is None else grains.scale,
     )
 
 
@@ -264,12 +277,14 @@ def _frames(
     """The blocks, and the largest error [m]."""
     recording = source.recording
     writers = [FrameWriter() for _ in source.moving]
+    flows = {name: FrameWriter() for name in source.flowing}
     blocks: list[bytearray] = []
     largest = 0.0
     for frame in range(recording.frame_count):
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
         relative, shifts = recording.displacements(frame)
+        points = recording.points(frame) if flows else None
         recorded = recording.bounded_simplices(frame) if source.bounded else recording.simplices(frame)
         for body, moving, header, writer, shift in zip(
             recording.bodies, source.moving, source.headers, writers, shifts
@@ -285,6 +300,9 @@ def _frames(
             found = moving.simplices(numbers, shift, quantum)
             corrections = Corrections.of(found, simplices, held, rest, quantum, allowed)
             blocks[-1] += shift.astype("<f8").tobytes() + writer.write(numbers) + encoded_corrections(corrections)
+            if points is not None and body.name in flows:
+                numbers = PackedGrains.numbers_of(source.flowing[body.name], points[body.points])
+                blocks[-1] += flows[body.name].write(numbers)
             found = corrections.applied(found, held, quantum)
             largest = max(largest, float(np.linalg.norm(found[:, 0] - simplices[:, 0], axis=1).max()))
         if progress is not None:

@@ -6,6 +6,7 @@ import math
 import struct
 import zipfile
 import zlib
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from gasp_core.harmonics import turn_coefficients
 from gasp_core.io.memory_limit import refuse_unread
 from gasp_core.io.sog import read_sog_zip
 from gasp_core.moving.bodies import CarriedBody, Corrections, FreeBody, MovingBody, at_rest
-from gasp_core.moving.carriers import carrier_of
+from gasp_core.moving.carriers import carrier_labels, carrier_of
 from gasp_core.moving.frames import FrameReader, decoded_corrections
+from gasp_core.moving.grains import GrainState, PackedGrains
 from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.solids import solids_of
 from gasp_core.reduction.bodies import shapes
@@ -39,6 +41,16 @@ _WIDEST = 4 * 12 + 1
 """Bytes that a row of a table or of a frame may take, at most."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _BodyFrame:
+    """Of a body in a frame: whole numbers, the mean displacement (3,) [m], corrections, and how far it has flowed."""
+
+    numbers: Array
+    shift: Array
+    corrections: Corrections
+    flow: Array | None
+
+
 class MovingSplat:
     """A splat and its motion, from one file; use `MovingSplat.open`.
 
@@ -51,13 +63,14 @@ class MovingSplat:
         self._archive = archive
         placement = Placement(rotation=upright("-y"), scale=1.0, translation=np.array(header.origin))
         self.reference = place(splat, placement)
-        self._bodies = [self._body(number, body) for number, body in enumerate(header.bodies)]
+        found = [self._body(number, body) for number, body in enumerate(header.bodies)]
+        self._bodies, self._grains = [body for body, _ in found], [grains for _, grains in found]
         self._held = [self.reference.select(body.rows) for body in self._bodies]
         self.colliders: tuple[Collider, ...] = self._solids()
-        self._readers: list[FrameReader] = []
+        self._readers: list[tuple[FrameReader, FrameReader | None]] = []
         self._block = memoryview(b"")
         self._next = 0
-        self._at: tuple[int, list[tuple[Array, Array, Corrections]]] = (-1, [])
+        self._at: tuple[int, list[_BodyFrame]] = (-1, [])
 
     @classmethod
     def open(cls, path: str | Path) -> MovingSplat:
@@ -128,15 +141,51 @@ class MovingSplat:
         if frame < self._next - 1:
             self._next = 0
         if self._next == 0:
-            self._readers = [FrameReader(body.numbers) for body in self._bodies]
+            self._readers = [
+                (FrameReader(body.numbers), None if grains is None else FrameReader((body.numbers[0], 2)))
+                for body, grains in zip(self._bodies, self._grains)
+            ]
         while self._next <= frame:
             self._at = (self._next, self._read(self._next))
             self._next += 1
         quantum = self.header.quantum
         return [
-            (body.rows, corrections.applied(body.simplices(numbers, shift, quantum), held, quantum))
-            for body, held, (numbers, shift, corrections) in zip(self._bodies, self._held, self._at[1])
+            (body.rows, own.corrections.applied(body.simplices(own.numbers, own.shift, quantum), held, quantum))
+            for body, held, own in zip(self._bodies, self._held, self._at[1])
         ]
+
+    def drawn(self, frame: int) -> RenderInput:
+        """As `splats`, with what has flowed as grains, which come behind the Gaussians of the file."""
+        splats = self.splats(frame)
+        assert splats.quaternions is not None and splats.scales is not None
+        opacities = splats.opacities.astype(np.float64)
+        states: list[GrainState] = []
+        for body, grains, own in zip(self._bodies, self._grains, self._at[1]):
+            if grains is None or own.flow is None:
+                continue
+            assert isinstance(body, CarriedBody)
+            places = body.places(own.numbers, own.shift, self.header.quantum)
+            try:
+                state = grains.at(own.flow, places)
+            except ValueError as error:
+                raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
+            opacities[body.rows] *= state.left
+            states.append(state)
+        count = sum(len(state.means) for state in states)
+        if not count:
+            return splats
+        harmonics = np.zeros((count, *splats.harmonics.shape[1:]), dtype=splats.harmonics.dtype)
+        harmonics[:, 0] = np.concatenate([state.colours for state in states])
+        scales = np.concatenate([state.scales for state in states])
+        turns = splats.turns
+        return RenderInput(
+            means=np.concatenate([splats.means, *(state.means for state in states)]),
+            opacities=np.concatenate([opacities, *(state.opacities for state in states)]),
+            harmonics=np.concatenate([splats.harmonics, harmonics]),
+            quaternions=np.concatenate([splats.quaternions, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))]),
+            scales=np.concatenate([splats.scales, np.repeat(scales[:, None], 3, axis=1)]),
+            turns=None if turns is None else np.concatenate([turns, np.broadcast_to(np.eye(3), (count, 3, 3))]),
+        )
 
     def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:
         means, quaternions, scales = (
@@ -163,26 +212,27 @@ class MovingSplat:
         except ValueError as error:
             raise RecordingError(f"{self.path}: {error}") from error
 
-    def _body(self, number: int, header: BodyHeader) -> MovingBody:
-        head, most = f"{FOLDER}{number}/", _WIDEST * (header.points + header.last - header.first) + 1024
+    def _body(self, number: int, header: BodyHeader) -> tuple[MovingBody, PackedGrains | None]:
+        head = f"{FOLDER}{number}/"
+        most = _WIDEST * (header.points * max(1, header.grains) + header.last - header.first) + 1024
         names = [name for name in self._archive.namelist() if name.startswith(head)]
         files = {name.removeprefix(head): _fetch(self._archive, name, most, self.path) for name in names}
         try:
-            return body_of(header, files, self.reference)
+            return body_of(header, files, self.reference), _grains_of(header, files)
         except (KeyError, ValueError, IndexError) as error:
             told = f"lacks {error}" if isinstance(error, KeyError) else str(error)
             raise RecordingError(f"{self.path}: what carries {header.name!r} is damaged: {told}") from error
 
-    def _read(self, frame: int) -> list[tuple[Array, Array, Corrections]]:
-        """Numbers, mean displacement and corrections of every body in the frame that comes next."""
+    def _read(self, frame: int) -> list[_BodyFrame]:
+        """What there is of every body in the frame that comes next."""
         block, place = divmod(frame, self.header.frames_a_block)
         if place == 0:
             length = min(self.header.frames_a_block, len(self) - frame)
-            most = sum(4 * (math.prod(body.numbers) + 13 * len(body.rows)) + 64 for body in self._bodies)
+            most = sum(4 * (2 * math.prod(body.numbers) + 13 * len(body.rows)) + 96 for body in self._bodies)
             self._block = memoryview(_fetch(self._archive, block_name(block), most * length, self.path))
-        found: list[tuple[Array, Array, Corrections]] = []
+        found: list[_BodyFrame] = []
         try:
-            for body, reader in zip(self._bodies, self._readers):
+            for body, (reader, flows) in zip(self._bodies, self._readers):
                 if len(self._block) < 24:
                     raise ValueError("it is cut off")
                 shift = np.frombuffer(self._block, "<f8", 3)
@@ -190,7 +240,10 @@ class MovingSplat:
                 if not np.isfinite(shift).all():
                     raise ValueError("a displacement is no number")
                 corrections, self._block = decoded_corrections(self._block, len(body.rows))
-                found.append((numbers, shift, corrections))
+                flow = None
+                if flows is not None:
+                    flow, self._block = flows.read(self._block)
+                found.append(_BodyFrame(numbers=numbers, shift=shift, corrections=corrections, flow=flow))
         except ValueError as error:
             raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
         return found
@@ -215,6 +268,20 @@ def body_of(header: BodyHeader, files: dict[str, bytes], reference: Gaussians) -
         rest=at_rest(gaussians.with_(means=gaussians.means - centre)),
         points=header.points,
         carrier=carrier_of(header.kind, files, header.points, len(rows), header.spacing),
+    )
+
+
+def _grains_of(header: BodyHeader, files: dict[str, bytes]) -> PackedGrains | None:
+    if not header.grains:
+        return None
+    rows = header.last - header.first
+    return PackedGrains.of(
+        files,
+        points=header.points,
+        count=header.grains,
+        scale=header.grain_scale,
+        spacing=header.spacing,
+        labels=carrier_labels(files, header.points, rows),
     )
 
 

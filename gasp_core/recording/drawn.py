@@ -65,7 +65,7 @@ class DrawnFrames:
     @property
     def most_grains(self) -> int:
         """How many grains a frame may have."""
-        return sum(grains.most for _, grains in self._grains)
+        return sum(grains.most for _, grains in self.grains)
 
     def splats(self, frame: int) -> RenderInput:
         """What is drawn in a frame."""
@@ -108,14 +108,14 @@ class DrawnFrames:
 
     def _flowed(self, frame: int) -> list[tuple[Array, FlowedMatter]]:
         """Rows of the Gaussians of each body of which something has flowed, and what."""
-        if not self._grains:
+        if not self.grains:
             return []
         points = self.recording.points(frame)
-        found = [(body.rows, grains.at(points[body.points])) for body, grains in self._grains]
+        found = [(body.rows, grains.at(points[body.points])) for body, grains in self.grains]
         return [(rows, matter) for rows, matter in found if len(matter.means)]
 
     @cached_property
-    def _grains(self) -> list[tuple[Body, Grains]]:
+    def grains(self) -> list[tuple[Body, Grains]]:
         """Of the bodies that may come apart."""
         items = {item.name: item for item in self.recording.scene.objects}
         found: list[tuple[Body, Grains]] = []

@@ -19,7 +19,7 @@ from gasp_core.gaussians import Gaussians, rotation_matrices
 from gasp_core.harmonics import basis
 from gasp_core.reduction.point_frames import PointFrames
 
-__all__ = ["FlowedMatter", "Grains", "colours_from_outside", "grains_of"]
+__all__ = ["Flow", "FlowedMatter", "Grains", "colours_from_outside", "grains_of"]
 
 Array = NDArray[Any]
 
@@ -87,6 +87,25 @@ class FlowedMatter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Flow:
+    """How far the points of a body have flowed, in a frame.
+
+    Parameters
+    ----------
+    share : (P,)
+        Of the matter of each, 0..1.
+    chosen : (C,)
+        The points whose grains are seen.
+    wider : (C,)
+        How much wider these are than at rest.
+    """
+
+    share: Array
+    chosen: Array
+    wider: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Grains:
     """What the points of a body may come apart into.
 
@@ -118,19 +137,23 @@ class Grains:
         """How many there are when all has flowed."""
         return self.offsets.shape[0] * self.offsets.shape[1]
 
-    def at(self, positions: Array) -> FlowedMatter:
-        """What has flowed, the points being at `positions` (P, 3) [m]."""
-        carrier = self.carrier
-        ratio = _apart(positions, carrier.neighbours) / self.apart
+    def flow(self, positions: Array) -> Flow:
+        """How far it has flowed, the points being at `positions` (P, 3) [m]."""
+        ratio = _apart(positions, self.carrier.neighbours) / self.apart
         share = np.clip((ratio - _WHOLE) / (_FLOWED - _WHOLE), 0.0, 1.0)
         share = share * share * (3 - 2 * share)
-        left = np.ones(len(carrier.order))
-        left[carrier.order] = 1 - share[carrier.labels].max(axis=1)
         chosen = np.flatnonzero(share)
         if len(chosen):
-            chosen = chosen[~buried(positions, _CELL * carrier.spacing)[chosen]]
+            chosen = chosen[~buried(positions, _CELL * self.carrier.spacing)[chosen]]
+        return Flow(share=share, chosen=chosen, wider=_widening(positions, chosen, self.carrier.spacing))
+
+    def at(self, positions: Array) -> FlowedMatter:
+        """What has flowed, the points being at `positions` (P, 3) [m]."""
+        carrier, flow = self.carrier, self.flow(positions)
+        share, chosen, wider = flow.share, flow.chosen, flow.wider
+        left = np.ones(len(carrier.order))
+        left[carrier.order] = 1 - share[carrier.labels].max(axis=1)
         count = self.offsets.shape[1]
-        wider = _widening(positions, chosen, carrier.spacing)
         return FlowedMatter(
             left=left,
             means=(positions[chosen, None] + wider[:, None, None] * self.offsets[chosen]).reshape(-1, 3),

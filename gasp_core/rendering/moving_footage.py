@@ -50,12 +50,12 @@ class MovingFootage:
         return self.splat.splats(frame)
 
     def drawn(self, frame: int) -> RenderInput:
-        """The same."""
-        return self.splats(frame)
+        """These, and grains of what has flowed."""
+        return self.splat.drawn(frame)
 
     def subject(self, frame: int) -> RenderInput:
         """All there is, colliders that move too."""
-        return self.movers.joined(self.splats(frame), frame / self.frame_rate)
+        return self.movers.joined(self.drawn(frame), frame / self.frame_rate)
 
     def positions(self, frame: int) -> Array:
         """Means of what moves."""

@@ -1,7 +1,11 @@
+import dataclasses
+import zipfile
+
+import flying_points
 import pytest
 from splat_shells import SHAPES, shell
 
-from gasp_core import EngineAccuracy, Reduction
+from gasp_core import EngineAccuracy, Reduction, simulate
 
 WAYS = {
     "all": ("free", Reduction(mode="all")),
@@ -24,6 +28,28 @@ def ball():
 
 
 @pytest.fixture
+def flowing(scene_of, ball, tmp_path):
+    """flowing(material) -> a run of a ball of it that flies apart as it spins."""
+
+    def make(material):
+        scene = scene_of(
+            ball,
+            reduction=Reduction(mode="volume"),
+            material=material,
+            angular_velocity=(1.0, 2.0, 3.0),
+            velocity=(0.3, 0.0, 1.0),
+            height=0.4,
+            accuracy=EngineAccuracy(resolution=8),
+        )
+        engine = flying_points.descriptor()
+        can = dataclasses.replace(engine.capabilities, materials=engine.capabilities.materials | {type(material)})
+        engine = dataclasses.replace(engine, capabilities=can)
+        return simulate(scene, engine=(engine, flying_points.Ballistic()), out=tmp_path / "a.gasp", progress=False)
+
+    return make
+
+
+@pytest.fixture
 def recorded(scene_of, run, ball, tmp_path):
     """recorded(reduction) -> a run of a ball that flies apart as it spins: its points go on straight ahead."""
 
@@ -40,3 +66,19 @@ def recorded(scene_of, run, ball, tmp_path):
         return run(scene, tmp_path / "a.gasp")
 
     return make
+
+
+@pytest.fixture
+def altered_zip():
+    """altered_zip(source, target, name, change) -> the target: the same zip but for one file; None: without it."""
+
+    def write(source, target, name, change):
+        with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+            for member in old.namelist():
+                if member != name:
+                    new.writestr(member, old.read(member))
+                elif change is not None:
+                    new.writestr(member, change(old.read(member)))
+        return target
+
+    return write

@@ -17,6 +17,7 @@ from gasp_core.contract import (
     BoxShape,
     Collider,
     HalfSpace,
+    Sand,
     Side,
     SignedDistanceField,
     SphereShape,
@@ -91,10 +92,11 @@ def drawn(splat, frame, colliders=()):
     scenery = draw_scenery(
         colliders, seen, centre=np.array(camera["target"]), reach=camera.get("reach", 1.0), time=time
     )
-    found = open_renderer().render(splat.splats(frame), seen, occluders=scenery.depth).before(scenery)
+    found = open_renderer().render(splat.drawn(frame), seen, occluders=scenery.depth).before(scenery)
     return np.clip(found.over(np.ones(3)), 0, 1)
 
 
+SAND = Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3, friction_angle=30)
 CAMERA = {"position": [0.9, -1.1, 0.7], "target": [0.0, 0.0, 0.35], "vertical_angle": 40.0}
 
 
@@ -169,6 +171,21 @@ def test_what_is_solid_is_drawn_as_our_renderer_does(recorded, opened, ball, tmp
     print(f"{' '.join(names)}: {alike:.1f} dB, {without:.1f} dB from a picture without")
     assert alike >= 28
     assert without < alike - 6
+    assert complaints == []
+
+
+def test_what_has_flowed_is_drawn_as_grains(flowing, opened, tmp_path):
+    pack(flowing(SAND), tmp_path / "a.sog", camera=CAMERA)
+    write_page(tmp_path / "a.html", (tmp_path / "a.sog").read_bytes(), "sand")
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    page, complaints = opened(tmp_path / "a.html")
+    painted(page)
+    for frame in (0, len(splat) // 2, len(splat) - 1, 0):
+        alike = psnr(drawn(splat, frame), picture(page, frame))
+        print(f"frame {frame}: {alike:.1f} dB")
+        assert alike >= 28
+    last = len(splat) - 1
+    assert len(splat.drawn(last)) > 2 * len(splat.reference)
     assert complaints == []
 
 

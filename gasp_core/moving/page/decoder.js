@@ -72,6 +72,9 @@ export class Numbers {
 
 const SHARES = 65535;
 const AXIS_STEPS = 512;
+const FLOW_STEPS = 63;
+const BURIED = 64;
+const OFFSET_STEPS = 32;
 const TORN = 2.0;
 const REACH = 2.1;
 const THIN = 1e-4;
@@ -206,6 +209,51 @@ class Volume {
     }
     const share = 1 / total;
     for (let entry = 0; entry < 12; entry++) map[entry] *= share;
+  }
+}
+
+/** What the points of a body come apart into where they flow: `count` grains each, whose rows begin at `first`. */
+class Grains {
+  static async of(body, file, first) {
+    const grains = new Grains();
+    const whole = async (name, columns) => {
+      const numbers = new Numbers(await file(name));
+      const values = numbers.table(body.points, columns);
+      if (numbers.at !== numbers.bytes.length) throw new Error(`${name} is longer than it says`);
+      return values;
+    };
+    Object.assign(grains, { first, count: body.grains, scale: body.grain_scale, reach: body.spacing / OFFSET_STEPS });
+    grains.offsets = await whole("grains", 3 * body.grains);
+    grains.seen = await whole("grain_colours", 4);
+    return grains;
+  }
+
+  /** A frame: grains where the points of a carrier are, and what is left of the Gaussians that follow these. */
+  show(motion, body, carrier, { numbers, shift, flow }) {
+    const { places, edges, opacities, header } = motion;
+    const { first, count, offsets, seen, reach } = this;
+    for (let p = 0; p < body.points; p++) {
+      const share = flow[2 * p] / FLOW_STEPS;
+      const shown = share > 0 && flow[2 * p + 1] < BURIED;
+      const wider = 1 + flow[2 * p + 1] / FLOW_STEPS;
+      const scale = this.scale * wider;
+      for (let k = 0; k < count; k++) {
+        const row = first + count * p + k;
+        for (let i = 0; i < 3; i++) {
+          const point = body.centre[i] + carrier.points[3 * p + i] + shift[i] + numbers[3 * p + i] * header.quantum;
+          places[3 * row + i] = point + wider * reach * offsets[3 * (count * p + k) + i];
+        }
+        edges[9 * row] = edges[9 * row + 4] = edges[9 * row + 8] = scale;
+        opacities[row] = shown ? (share * seen[4 * p + 3]) / 255 : 0;
+      }
+    }
+    const { values, columns } = carrier.labels;
+    for (let row = body.first; row < body.last; row++) {
+      const start = (row - body.first) * columns;
+      let most = 0;
+      for (let k = 0; k < columns; k++) most = Math.max(most, flow[2 * (values[start] + (k ? values[start + k] : 0))]);
+      opacities[row] = 1 - most / FLOW_STEPS;
+    }
   }
 }
 
@@ -493,14 +541,20 @@ export class Motion {
       throw new Error(`a moving splat of version ${header.version} is not read here`);
     }
     Object.assign(motion, { header, files, means, axes, scales });
-    motion.places = Float32Array.from(means);
-    motion.edges = new Float32Array(axes.length);
+    // Behind the Gaussians of the file come the grains of what may flow.
+    motion.count = means.length / 3;
+    motion.total = header.bodies.reduce((sum, { grains = 0, points }) => sum + grains * points, motion.count);
+    motion.places = new Float32Array(3 * motion.total);
+    motion.places.set(means);
+    motion.edges = new Float32Array(9 * motion.total);
+    motion.opacities = new Float32Array(motion.total).fill(1, 0, motion.count);
     motion.gradients = new Float32Array(axes.length);
     for (let entry = 0; entry < axes.length; entry++) {
       motion.edges[entry] = axes[entry] * scales[3 * Math.floor(entry / 9) + (entry % 3)];
       motion.gradients[entry] = entry % 9 % 4 === 0 ? 1 : 0;
     }
     motion.bodies = [];
+    let first = motion.count;
     for (const [number, body] of header.bodies.entries()) {
       const name = (file) => `motion/${number}/${file}`;
       const has = (file) => files.has(name(file));
@@ -509,7 +563,9 @@ export class Motion {
         return files.get(name(wanted));
       };
       const kinds = { free: () => new Free(body.last - body.first), volume: () => Volume.of(body, file), cores: () => Cores.of(body, file, has) };
-      motion.bodies.push({ body, carrier: await kinds[body.kind]() });
+      const grains = body.grains ? await Grains.of(body, (wanted) => file(wanted)(), first) : null;
+      first += (body.grains ?? 0) * body.points;
+      motion.bodies.push({ body, carrier: await kinds[body.kind](), grains });
     }
     motion.frames = [];
     return motion;
@@ -528,31 +584,38 @@ export class Motion {
     }
   }
 
-  read({ body, carrier }, frame, index) {
+  read({ body, carrier, grains }, frame, index) {
     const shift = this.block.doubles(3);
-    const foretold = this.block.byte();
-    const [rows, columns] = carrier.shape;
-    const numbers = this.block.table(rows, columns);
-    const [last, before] = [1, 2].map((ago) => this.frames[frame - ago]?.[index].numbers);
-    if (foretold > 2 || (foretold > 0 && !last) || (foretold > 1 && !before)) throw new Error(`frame ${frame} is damaged`);
-    if (foretold === 1) for (let k = 0; k < numbers.length; k++) numbers[k] += last[k];
-    if (foretold === 2) for (let k = 0; k < numbers.length; k++) numbers[k] += 2 * last[k] - before[k];
+    const numbers = this.foretold(...carrier.shape, frame, index, "numbers");
     const count = this.block.count();
     const corrections = count
       ? { rows: this.block.table(count, 1), numbers: this.block.table(count, 12) }
       : { rows: [], numbers: [] };
     // Most numbers are small, and all frames stay in memory.
     const small = numbers.every((value) => value === (value << 16) >> 16) ? Int16Array.from(numbers) : numbers;
-    return { shift, numbers: small, corrections };
+    const flow = grains ? Uint8Array.from(this.foretold(body.points, 2, frame, index, "flow")) : null;
+    return { shift, numbers: small, corrections, flow };
+  }
+
+  /** Whole numbers that the last frames of the same body foretell. */
+  foretold(rows, columns, frame, index, name) {
+    const kind = this.block.byte();
+    const numbers = this.block.table(rows, columns);
+    const [last, before] = [1, 2].map((ago) => this.frames[frame - ago]?.[index][name]);
+    if (kind > 2 || (kind > 0 && !last) || (kind > 1 && !before)) throw new Error(`frame ${frame} is damaged`);
+    if (kind === 1) for (let k = 0; k < numbers.length; k++) numbers[k] += last[k];
+    if (kind === 2) for (let k = 0; k < numbers.length; k++) numbers[k] += 2 * last[k] - before[k];
+    return numbers;
   }
 
   async show(frame) {
     await this.decode(frame);
-    this.bodies.forEach(({ body, carrier }, index) => {
+    this.bodies.forEach(({ body, carrier, grains }, index) => {
       const found = this.frames[frame][index];
       if (carrier instanceof Free) this.free(body, found);
       else this.carried(body, carrier, found);
       this.correct(body, found.corrections);
+      grains?.show(this, body, carrier, found);
     });
   }
 

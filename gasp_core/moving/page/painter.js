@@ -98,8 +98,18 @@ function basis(x, y, z, bases, found) {
 }
 
 export class Painter {
-  constructor(gl, splat, ground) {
+  /** Of a splat's Gaussians, and the grains that a motion has behind them. */
+  constructor(gl, trained, ground, motion) {
     this.gl = gl;
+    const splat = { ...trained, count: motion.total, trained: trained.count, colours: new Float32Array(4 * motion.total) };
+    splat.colours.set(trained.colours);
+    for (const { body, grains } of motion.bodies) {
+      for (let k = 0; grains && k < body.points * grains.count; k++) {
+        const [at, from] = [4 * (grains.first + k), 4 * Math.floor(k / grains.count)];
+        for (let i = 0; i < 3; i++) splat.colours[at + i] = (grains.seen[from + i] / 255 - 0.5) / C0;
+        splat.colours[at + 3] = 1;
+      }
+    }
     this.splat = splat;
     this.ground = ground;
     const program = programOf(gl, VERTEX, FRAGMENT);
@@ -156,11 +166,11 @@ export class Painter {
   /** Colours as they are seen from a place: harmonics turn with the matter. */
   colour(eye) {
     const { texels, splat, motion } = this;
-    const { colours, harmonics, bases, count } = splat;
+    const { colours, harmonics, bases, count, trained } = splat;
     if (bases && !this.turns) {
-      this.turns = new Float32Array(9 * count);
+      this.turns = new Float32Array(9 * trained);
       const turn = new Float64Array(9);
-      for (let row = 0; row < count; row++) {
+      for (let row = 0; row < trained; row++) {
         for (let entry = 0; entry < 9; entry++) turn[entry] = motion.gradients[9 * row + entry];
         rotate(turn);
         this.turns.set(turn, 9 * row);
@@ -170,7 +180,7 @@ export class Painter {
     for (let row = 0; row < count; row++) {
       const at = 16 * row + 12;
       let r = 0.5 + C0 * colours[4 * row], g = 0.5 + C0 * colours[4 * row + 1], b = 0.5 + C0 * colours[4 * row + 2];
-      if (bases) {
+      if (bases && row < trained) {
         const { places } = motion;
         const x = places[3 * row] - eye[0], y = places[3 * row + 1] - eye[1], z = places[3 * row + 2] - eye[2];
         const t = this.turns, o = 9 * row;
@@ -186,7 +196,7 @@ export class Painter {
         }
       }
       texels[at] = Math.max(0, r), texels[at + 1] = Math.max(0, g), texels[at + 2] = Math.max(0, b);
-      texels[at + 3] = colours[4 * row + 3];
+      texels[at + 3] = colours[4 * row + 3] * motion.opacities[row];
     }
   }
 

@@ -63,7 +63,7 @@ async function main() {
   const motion = await Motion.of(splat.files, splat.means, splat.axes, splat.scales);
   const { frames, frame_rate, camera } = motion.header;
   const ground = await Ground.of(gl, motion.header, splat.files);
-  const painter = new Painter(gl, splat, ground);
+  const painter = new Painter(gl, splat, ground, motion);
   const orbit = new Orbit(camera, motion);
   const state = { frame: 0, playing: true, changed: true, shown: -1, painted: 0, since: performance.now() };
   line.max = frames - 1;

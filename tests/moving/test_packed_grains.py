@@ -1,0 +1,77 @@
+"""What has flowed, in a moving splat: grains as films of the run show them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gasp_core import MovingSplat, Reduction, pack
+from gasp_core.contract import Fluid, Sand
+from gasp_core.errors import RecordingError
+from gasp_core.moving.grains import PackedGrains
+from gasp_core.recording.drawn import DrawnFrames
+
+WATER = Fluid(density=1000, bulk_modulus=1e5)
+SAND = Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3, friction_angle=30)
+
+
+@pytest.fixture(params=[SAND, WATER], ids=["sand", "water"])
+def sand(request, flowing, tmp_path):
+    """A ball that flies apart as it spins, its pack, and the frames as films have them."""
+    recording = flowing(request.param)
+    pack(recording, tmp_path / "a.sog")
+    return recording, MovingSplat.open(tmp_path / "a.sog"), DrawnFrames(recording)
+
+
+def test_grains_are_those_of_the_run(sand):
+    recording, splat, drawn = sand
+    last = recording.frame_count - 1
+    found, wanted = splat.drawn(last), drawn.splats(last)
+    count = len(recording.reference)
+    assert len(found) == len(wanted) > count
+    spacing = splat.header.bodies[0].spacing
+    # Where a grain is: the error of its point, half a step of its place about it, and of its width.
+    off = np.linalg.norm(found.means[count:] - wanted.means[count:], axis=1)
+    assert off.max() < 1e-3 + spacing * (2 * np.sqrt(3) / 2 / 32 + 2 / 63)
+    assert np.abs(found.scales[count:] / wanted.scales[count:] - 1).max() <= 0.5 / 63 + 1e-6
+    # A step of how far it has flowed, and half a step of colours on the screen.
+    assert np.abs(found.opacities[count:] - wanted.opacities[count:]).max() <= 1 / 63 + 0.5 / 255
+    assert np.abs(found.harmonics[count:] - wanted.harmonics[count:]).max() * 0.2821 <= 0.5 / 255 + 1e-6
+
+
+def test_gaussians_go_as_grains_come(sand):
+    recording, splat, drawn = sand
+    count = len(splat.reference)
+    for frame in range(recording.frame_count):
+        found, wanted = splat.drawn(frame), drawn.splats(frame)
+        kept = np.sort(found.opacities[:count])
+        assert np.abs(kept - np.sort(wanted.opacities[:count])).max() <= 1 / 63 + 1 / 255
+    assert np.isclose(splat.drawn(0).opacities, splat.splats(0).opacities).all()
+    assert (splat.drawn(recording.frame_count - 1).opacities[:count] < 0.01).any()
+
+
+def test_what_keeps_its_shape_has_none(recorded, tmp_path):
+    pack(recorded(Reduction(mode="volume")), tmp_path / "a.sog")
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    assert splat.header.bodies[0].grains == 0
+    assert len(splat.drawn(len(splat) - 1)) == len(splat.reference)
+
+
+@pytest.mark.parametrize(("column", "value"), [(0, 64), (0, -1), (1, 65), (1, -1)])
+def test_numbers_of_nothing_are_refused(column, value):
+    grains = PackedGrains(
+        offsets=np.zeros((3, 1, 3)), colours=np.ones((3, 3)), opacities=np.ones(3), scale=0.1, labels=np.array([[0]])
+    )
+    numbers = np.zeros((3, 2), dtype=np.int64)
+    numbers[1, column] = value
+    with pytest.raises(ValueError, match="damaged"):
+        grains.at(numbers, np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("name", ["grains", "grain_colours"])
+@pytest.mark.parametrize("damage", ["lost", "cut off", "longer"])
+def test_damage_is_one_clear_line(sand, tmp_path, altered_zip, name, damage):
+    change = {"lost": None, "cut off": lambda data: data[: len(data) // 2], "longer": lambda data: data + b"x"}[damage]
+    with pytest.raises(RecordingError, match=r"b\.sog: what carries 'thing' is damaged") as caught:
+        MovingSplat.open(altered_zip(tmp_path / "a.sog", tmp_path / "b.sog", f"motion/0/{name}", change))
+    assert "\n" not in str(caught.value)
