@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+
 import click
 
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
