@@ -80,6 +80,38 @@ class RenderInput:
                 f"RenderInput.harmonics has shape {shape}, expected ({count}, K, 3) with K = 1, 4, 9, 16, 25"
             )
 
+    def with_round(self, means: Array, scales: Array, opacities: Array, colours: Array) -> RenderInput:
+        """These, and round Gaussians behind them, of one colour from all sides.
+
+        Parameters
+        ----------
+        means : (G, 3)
+        scales : (G,)
+            Standard deviations.
+        opacities : (G,)
+        colours : (G, 3)
+            Constant coefficients in the 3DGS basis.
+
+        Raises
+        ------
+        RenderingError
+            Where these are given by covariances.
+        """
+        if self.quaternions is None or self.scales is None:
+            raise RenderingError("RenderInput.with_round needs Gaussians with quaternions and scales")
+        count = len(means)
+        harmonics = np.zeros((count, *self.harmonics.shape[1:]), dtype=self.harmonics.dtype)
+        harmonics[:, 0] = colours
+        turns = self.turns
+        return RenderInput(
+            means=np.concatenate([self.means, means]),
+            opacities=np.concatenate([self.opacities, opacities]),
+            harmonics=np.concatenate([self.harmonics, harmonics]),
+            quaternions=np.concatenate([self.quaternions, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))]),
+            scales=np.concatenate([self.scales, np.repeat(scales[:, None], 3, axis=1)]),
+            turns=None if turns is None else np.concatenate([turns, np.broadcast_to(np.eye(3), (count, 3, 3))]),
+        )
+
     @classmethod
     def of(cls, gaussians: Gaussians) -> RenderInput:
         """Gaussians whose harmonics belong to the frame they stand in."""

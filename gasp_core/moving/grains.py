@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.io.activations import colour_to_dc, dc_to_colour
 from gasp_core.moving.integers import decoded, encoded
 from gasp_core.reduction.grains import Grains
 
@@ -29,8 +30,6 @@ _BURIED = 64
 _OFFSET_STEPS = 32
 """Of the spacing of points."""
 _MOST = 1 << 22
-_C0 = 0.28209479177387814
-"""The constant harmonic: colours on the screen are 0.5 + _C0 times the coefficient."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +83,7 @@ class PackedGrains:
         """Files by their names."""
         points, count, _ = grains.offsets.shape
         offsets = np.round(grains.offsets * (_OFFSET_STEPS / grains.carrier.spacing)).astype(np.int64)
-        shown = np.clip(0.5 + _C0 * grains.colours.astype(np.float64), 0.0, 1.0)
+        shown = np.clip(dc_to_colour(grains.colours), 0.0, 1.0)
         seen = np.column_stack([shown, grains.opacities])
         return {
             GRAINS: encoded(offsets.reshape(points, 3 * count)),
@@ -149,5 +148,5 @@ class PackedGrains:
             means=(positions[chosen, None] + wider[:, None, None] * self.offsets[chosen]).reshape(-1, 3),
             scales=self.scale * np.repeat(wider, count),
             opacities=np.repeat(self.opacities[chosen] * share[chosen], count),
-            colours=np.repeat((self.colours[chosen] - 0.5) / _C0, count, axis=0),
+            colours=np.repeat(colour_to_dc(self.colours[chosen]), count, axis=0),
         )

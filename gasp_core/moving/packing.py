@@ -284,7 +284,6 @@ def _frames(
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
         relative, shifts = recording.displacements(frame)
-        points = recording.points(frame) if flows else None
         recorded = recording.bounded_simplices(frame) if source.bounded else recording.simplices(frame)
         for body, moving, header, writer, shift in zip(
             recording.bodies, source.moving, source.headers, writers, shifts
@@ -300,8 +299,9 @@ def _frames(
             found = moving.simplices(numbers, shift, quantum)
             corrections = Corrections.of(found, simplices, held, rest, quantum, allowed)
             blocks[-1] += shift.astype("<f8").tobytes() + writer.write(numbers) + encoded_corrections(corrections)
-            if points is not None and body.name in flows:
-                numbers = PackedGrains.numbers_of(source.flowing[body.name], points[body.points])
+            if body.name in flows:
+                places = recording.start_points[body.points] + relative[body.points] + shift
+                numbers = PackedGrains.numbers_of(source.flowing[body.name], places)
                 blocks[-1] += flows[body.name].write(numbers)
             found = corrections.applied(found, held, quantum)
             largest = max(largest, float(np.linalg.norm(found[:, 0] - simplices[:, 0], axis=1).max()))

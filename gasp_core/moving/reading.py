@@ -6,7 +6,7 @@ import math
 import struct
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -157,7 +157,6 @@ class MovingSplat:
     def drawn(self, frame: int) -> RenderInput:
         """As `splats`, with what has flowed as grains, which come behind the Gaussians of the file."""
         splats = self.splats(frame)
-        assert splats.quaternions is not None and splats.scales is not None
         opacities = splats.opacities.astype(np.float64)
         states: list[GrainState] = []
         for body, grains, own in zip(self._bodies, self._grains, self._at[1]):
@@ -171,20 +170,13 @@ class MovingSplat:
                 raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
             opacities[body.rows] *= state.left
             states.append(state)
-        count = sum(len(state.means) for state in states)
-        if not count:
+        if not states:
             return splats
-        harmonics = np.zeros((count, *splats.harmonics.shape[1:]), dtype=splats.harmonics.dtype)
-        harmonics[:, 0] = np.concatenate([state.colours for state in states])
-        scales = np.concatenate([state.scales for state in states])
-        turns = splats.turns
-        return RenderInput(
-            means=np.concatenate([splats.means, *(state.means for state in states)]),
-            opacities=np.concatenate([opacities, *(state.opacities for state in states)]),
-            harmonics=np.concatenate([splats.harmonics, harmonics]),
-            quaternions=np.concatenate([splats.quaternions, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))]),
-            scales=np.concatenate([splats.scales, np.repeat(scales[:, None], 3, axis=1)]),
-            turns=None if turns is None else np.concatenate([turns, np.broadcast_to(np.eye(3), (count, 3, 3))]),
+        return replace(splats, opacities=opacities).with_round(
+            np.concatenate([state.means for state in states]),
+            np.concatenate([state.scales for state in states]),
+            np.concatenate([state.opacities for state in states]),
+            np.concatenate([state.colours for state in states]),
         )
 
     def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -78,18 +79,12 @@ class DrawnFrames:
         own = np.arange(len(splats))
         if not flowed:
             return Drawn(splats=splats, sources=own)
-        grains = _as_gaussians([matter for _, matter in flowed], splats.harmonics.shape[1])
-        assert splats.quaternions is not None and splats.scales is not None
-        turns = splats.turns
-        if turns is not None:
-            turns = np.concatenate([turns, np.broadcast_to(np.eye(3), (len(grains), 3, 3))])
-        drawn = RenderInput(
-            means=np.concatenate([splats.means, grains.means]),
-            opacities=np.concatenate([_faded(splats.opacities, flowed), grains.opacities]),
-            harmonics=np.concatenate([splats.harmonics, grains.harmonics]),
-            quaternions=np.concatenate([splats.quaternions, grains.quaternions]),
-            scales=np.concatenate([splats.scales, grains.scales]),
-            turns=turns,
+        matters = [matter for _, matter in flowed]
+        drawn = dataclasses.replace(splats, opacities=_faded(splats.opacities, flowed)).with_round(
+            np.concatenate([matter.means for matter in matters]),
+            np.concatenate([matter.scales for matter in matters]),
+            np.concatenate([matter.opacities for matter in matters]),
+            np.concatenate([matter.colours for matter in matters]),
         )
         return Drawn(splats=drawn, sources=np.concatenate([own, *(rows[matter.sources] for rows, matter in flowed)]))
 
@@ -137,17 +132,3 @@ def _faded(opacities: Array, flowed: list[tuple[Array, FlowedMatter]]) -> Array:
     for rows, matter in flowed:
         faded[rows] *= matter.left
     return faded
-
-
-def _as_gaussians(flowed: list[FlowedMatter], coefficients: int) -> Gaussians:
-    """All grains, their harmonics filled up with zeros."""
-    means = np.concatenate([matter.means for matter in flowed])
-    harmonics = np.zeros((len(means), coefficients, 3), dtype=np.float32)
-    harmonics[:, 0] = np.concatenate([matter.colours for matter in flowed])
-    return Gaussians(
-        means=means,
-        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1)),
-        scales=np.repeat(np.concatenate([matter.scales for matter in flowed])[:, None], 3, axis=1),
-        opacities=np.concatenate([matter.opacities for matter in flowed]),
-        harmonics=harmonics,
-    )

@@ -73,15 +73,7 @@ class Movers:
             return splats
         count = len(dots)
         widths = np.concatenate([np.full(len(own), np.ptp(own, axis=0).max() / (2 * _ACROSS)) for own in self.dots])
-        turns = splats.turns
-        return RenderInput(
-            means=np.concatenate([splats.means, dots]),
-            opacities=np.concatenate([splats.opacities, np.ones(count)]),
-            harmonics=np.concatenate([splats.harmonics, np.zeros((count, *splats.harmonics.shape[1:]))]),
-            quaternions=np.concatenate([splats.quaternions, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))]),
-            scales=np.concatenate([splats.scales, np.repeat(widths[:, None], 3, axis=1)]),
-            turns=None if turns is None else np.concatenate([turns, np.tile(np.eye(3), (count, 1, 1))]),
-        )
+        return splats.with_round(dots, widths, np.ones(count), np.zeros((count, 3)))
 
 
 def size_of(means: Array) -> float:
