@@ -23,8 +23,9 @@ _AROUND = 16
 """Surfels that a node looks at."""
 _AT_ONCE = 2**15
 """Nodes: 12 MB a table of what their surfels have."""
+_NODES_AT_ONCE = 2**20
 _REACH = 1.5
-"""Details from the surface of the field, and from a surfel, within which nodes are told anew, by one detail at most."""
+"""Details from a surfel, and from the surface of the field, within which nodes are told anew, by one detail at most."""
 _WIDTH = 0.5
 """In details: how fast surfels farther than the nearest count less."""
 _LIKE = 0.8
@@ -48,16 +49,29 @@ def sharpened(inside: Array, grid: Grid, means: Array, normals: Array, detail: f
     """
     from scipy.spatial import KDTree
 
-    near = np.argwhere(np.abs(inside) < _REACH * detail)
     if not len(means):
         return inside
     tree: Any = KDTree(means)
+    near = _beside(grid, tree, _REACH * detail)
     out = inside.copy()
     for begin in range(0, len(near), _AT_ONCE):
         rows = tuple(near[begin : begin + _AT_ONCE].T)
         nodes = grid.origin + grid.spacing * np.stack(rows, axis=1)
         out[rows] = _told(inside[rows], nodes, tree, means, normals, detail)
     return out
+
+
+def _beside(grid: Grid, tree: Any, reach: float) -> Array:
+    """Indices (K, 3) of the nodes that are within `reach` of a surfel."""
+    near = np.zeros(grid.shape, dtype=bool)
+    flat = near.reshape(-1)
+    for begin in range(0, flat.size, _NODES_AT_ONCE):
+        some = np.arange(begin, min(begin + _NODES_AT_ONCE, flat.size))
+        nodes = grid.origin + grid.spacing * np.stack(np.unravel_index(some, grid.shape), axis=1)
+        # A hair more than that: what lies right at it is for whoever asks for distances to judge.
+        lengths = tree.query(nodes, distance_upper_bound=1.0001 * reach, workers=processors())[0]
+        flat[some] = np.isfinite(lengths)
+    return np.argwhere(near)
 
 
 def _told(known: Array, nodes: Array, tree: Any, means: Array, normals: Array, detail: float) -> Array:
