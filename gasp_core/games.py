@@ -124,8 +124,8 @@ def _unit_normals(first: Array, second: Array) -> tuple[Array, Array]:
 
 
 def choose_vertices(gaussians: Gaussians) -> Literal[3, 4]:
-    """Three vertices where every visible Gaussian is flat already (`FLATNESS`), four otherwise: nothing is lost."""
-    ordered = np.sort(gaussians.scales[gaussians.opacities > 0.05].astype(np.float64), axis=1)
+    """Three vertices where every Gaussian is flat already (`FLATNESS`), four otherwise: nothing is lost."""
+    ordered = np.sort(gaussians.scales.astype(np.float64), axis=1)
     return 3 if bool((ordered[:, 0] <= FLATNESS * ordered[:, 1]).all()) else 4
 
 

@@ -87,6 +87,7 @@ def assemble(
     objects: Sequence[PlacedObject],
     motions: Mapping[str, Played] | None = None,
     known: Mapping[str, TransferOperator] | None = None,
+    spacing: float | None = None,
 ) -> Assembly:
     """Build the problem of a scene whose objects have been placed.
 
@@ -99,6 +100,8 @@ def assemble(
     known
         What carried objects before, by name, and is to be taken again where it can be, see `sample_cores` and
         `sample_volume`.
+    spacing
+        Of the grid [m] before, where the scene leaves the resolution open: what was chosen once stays chosen.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def assemble(
         for (_, placed), motion in zip(moving, played)
     ]
     choices = [chosen_mode(placed, (known or {}).get(placed.item.name)) for _, placed in moving]
-    accuracy, notes = _accuracy(scene, [placed for _, placed in moving], blocks, choices)
+    accuracy, notes = _accuracy(scene, [placed for _, placed in moving], blocks, choices, spacing)
     spacing = accuracy.spacing
     assert spacing is not None
     bodies: list[Body] = []
@@ -252,14 +255,20 @@ def _told(reduction: Reduction, choice: Choice, sample: Sample) -> tuple[str, ..
 
 
 def _accuracy(
-    scene: Scene, objects: Sequence[PlacedObject], blocks: Sequence[Block], choices: Sequence[Choice]
+    scene: Scene,
+    objects: Sequence[PlacedObject],
+    blocks: Sequence[Block],
+    choices: Sequence[Choice],
+    known: float | None,
 ) -> tuple[EngineAccuracy, tuple[str, ...]]:
-    """The engine's knobs, with a spacing [m] and a number of cells, and how they came about."""
+    """The engine's knobs, with a spacing [m], the `known` one if any, and a number of cells; how they came about."""
     sizes = [size_of(placed) for placed in objects]
     # A single Gaussian has no extent but its edges.
     sizes = [size or float(np.ptp(block.rest.reshape(-1, 3), axis=0).max()) for size, block in zip(sizes, blocks)]
     accuracy, notes = scene.accuracy, ()
-    if accuracy.spacing is None and accuracy.resolution == "auto":
+    if accuracy.spacing is None and accuracy.resolution == "auto" and known is not None:
+        accuracy, notes = replace(accuracy, spacing=known), (f"cells of {1e3 * known:.3g} mm, as it was recorded",)
+    elif accuracy.spacing is None and accuracy.resolution == "auto":
         modes = {placed.item.name: choice.mode for placed, choice in zip(objects, choices)}
         resolution, why = chosen_resolution(objects, modes)
         accuracy, notes = replace(accuracy, resolution=resolution), (f"resolution {why}",)

@@ -2,7 +2,8 @@
 
 Each point has a deformation gradient, the fit in the sense of least squares to its own displacement and those of the
 points it was connected to at rest (as in Müller et al. 2004, 10.1145/1028523.1028542); what has been torn off does not
-count. A Gaussian follows the maps of the point it belongs to and of that one's neighbours, as long as they agree.
+count, what is stretched as a whole does, however far. A Gaussian follows the maps of the point it belongs to and of
+that one's neighbours, as long as they agree.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ _CANDIDATES = 24
 _CONNECTED = 2.0
 """Mean distances of points, two to a cell, up to which they are connected: a cell. An engine joins what is nearer."""
 _TORN = 2.0
-"""Times as far as at rest: `MapChoice.alpha`, beyond which no Gaussian is stretched."""
+"""Times as far as at rest: farther off, a point has been torn off,"""
+_WHOLE = 1 / 16
+"""unless one affine map explains all but so much of how a neighbourhood's displacements scatter: it is stretched as a
+whole then. Where a crack goes through it that share is a quarter, where matter is stirred almost all."""
 _APART = 1.0
 """Mean distances of points by which two maps may differ at a Gaussian and be of one piece of matter."""
 _FAR = 6.0
@@ -103,7 +107,7 @@ class PointFrames:
         tree = _tree(points)
         neighbours = _connected(points, tree, spacing, open_between)
         order = along_a_curve(means)
-        labels, weights, lengths = _followed(points, neighbours, feet[order], tree, spacing)
+        labels, weights, lengths = _followed(points, neighbours, means[order], feet[order], tree, spacing)
         return cls(
             points=points,
             neighbours=neighbours,
@@ -132,6 +136,7 @@ class PointFrames:
             self.neighbours,
             reach,
             _TORN,
+            _WHOLE,
             table,
             linalg3.chunk_count(len(self.followed)),
         )
@@ -252,7 +257,9 @@ def _connected(
     return found.astype(np.int32)
 
 
-def _followed(points: Array, neighbours: Array, feet: Array, tree: Any, spacing: float) -> tuple[Array, Array, Array]:
+def _followed(
+    points: Array, neighbours: Array, means: Array, feet: Array, tree: Any, spacing: float
+) -> tuple[Array, Array, Array]:
     """Points that each Gaussian follows, (N, F), its own first, how much, (N, F), and how far its own is, (N,) [m]."""
     distances, own = tree.query(feet, workers=processors())
     labels = np.empty((len(feet), min(FOLLOWED, 1 + neighbours.shape[1])), dtype=np.int32)
@@ -263,7 +270,10 @@ def _followed(points: Array, neighbours: Array, feet: Array, tree: Any, spacing:
     reach = 1.5 * spacing + lengths[:, :1]
     weights = np.maximum(1 - (np.minimum(lengths, reach) / reach) ** 2, 0.0) ** 2
     weights /= weights.sum(axis=1, keepdims=True)
-    weights[distances > _FAR * spacing] = 0.0
+    far = np.linalg.norm(means - feet, axis=1) + distances > _FAR * spacing
+    # Where a foot is far off another point may be near.
+    far[far] = tree.query(means[far], workers=processors())[0] > _FAR * spacing
+    weights[far | (distances > _FAR * spacing)] = 0.0
     return labels, weights.astype(np.float32), distances
 
 

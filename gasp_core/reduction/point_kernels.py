@@ -19,109 +19,125 @@ THIN = 1e-4
 """Least determinant of second moments, of those of as wide a ball: thinner neighbourhoods tell no gradient."""
 
 
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _fit(points, displacements, p, neighbours, limit, torn, work, row):
+    """The affine fit of point p, into `row`, to those of its neighbours that are not `torn` times as far as at rest.
+
+    Returns whether any was left out, and which share of the scatter of the displacements is not explained.
+    """
+    moments, products, inverse = work
+    moments[:], products[:] = 0.0, 0.0
+    total, square_sum = 1.0, 0.0
+    c0 = c1 = c2 = s0 = s1 = s2 = 0.0
+    left_out = False
+    # About the point itself; the means are taken off below.
+    for q in neighbours[p]:
+        if q == p:
+            continue
+        x = points[q, 0] - points[p, 0]
+        y = points[q, 1] - points[p, 1]
+        z = points[q, 2] - points[p, 2]
+        square = x * x + y * y + z * z
+        if square >= limit:
+            continue
+        u = displacements[q, 0] - displacements[p, 0]
+        v = displacements[q, 1] - displacements[p, 1]
+        w = displacements[q, 2] - displacements[p, 2]
+        now = (x + u) * (x + u) + (y + v) * (y + v) + (z + w) * (z + w)
+        if now > torn * torn * square:
+            left_out = True
+            continue
+        share = 1.0 - square / limit
+        weight = share * share
+        total += weight
+        square_sum += weight * (u * u + v * v + w * w)
+        c0 += weight * x
+        c1 += weight * y
+        c2 += weight * z
+        s0 += weight * u
+        s1 += weight * v
+        s2 += weight * w
+        moments[0, 0] += weight * x * x
+        moments[0, 1] += weight * x * y
+        moments[0, 2] += weight * x * z
+        moments[1, 1] += weight * y * y
+        moments[1, 2] += weight * y * z
+        moments[2, 2] += weight * z * z
+        products[0, 0] += weight * u * x
+        products[0, 1] += weight * u * y
+        products[0, 2] += weight * u * z
+        products[1, 0] += weight * v * x
+        products[1, 1] += weight * v * y
+        products[1, 2] += weight * v * z
+        products[2, 0] += weight * w * x
+        products[2, 1] += weight * w * y
+        products[2, 2] += weight * w * z
+    c0, c1, c2 = c0 / total, c1 / total, c2 / total
+    s0, s1, s2 = s0 / total, s1 / total, s2 / total
+    xx = moments[0, 0] / total - c0 * c0
+    xy = moments[0, 1] / total - c0 * c1
+    xz = moments[0, 2] / total - c0 * c2
+    yy = moments[1, 1] / total - c1 * c1
+    yz = moments[1, 2] / total - c1 * c2
+    zz = moments[2, 2] / total - c2 * c2
+    inverse[0, 0] = yy * zz - yz * yz
+    inverse[0, 1] = inverse[1, 0] = xz * yz - xy * zz
+    inverse[0, 2] = inverse[2, 0] = xy * yz - xz * yy
+    inverse[1, 1] = xx * zz - xz * xz
+    inverse[1, 2] = inverse[2, 1] = xy * xz - xx * yz
+    inverse[2, 2] = xx * yy - xy * xy
+    determinant = xx * inverse[0, 0] + xy * inverse[0, 1] + xz * inverse[0, 2]
+    mean = (xx + yy + zz) / 3.0
+    scatter = square_sum / total - (s0 * s0 + s1 * s1 + s2 * s2)
+    row[:] = 0.0
+    if not determinant > THIN * mean * mean * mean:
+        row[0], row[1], row[2] = displacements[p, 0], displacements[p, 1], displacements[p, 2]
+        return left_out, 1.0
+    explained = size = 0.0
+    for i in range(3):
+        si = s0 if i == 0 else (s1 if i == 1 else s2)
+        a0 = products[i, 0] / total - si * c0
+        a1 = products[i, 1] / total - si * c1
+        a2 = products[i, 2] / total - si * c2
+        for j in range(3):
+            entry = (a0 * inverse[0, j] + a1 * inverse[1, j] + a2 * inverse[2, j]) / determinant
+            row[3 + 3 * i + j] = entry
+            explained += entry * (a0 if j == 0 else (a1 if j == 1 else a2))
+            size += entry * entry
+    spread = row[3] + row[7] + row[11]
+    excess = 3.0 * (torn * torn - 1.0)
+    if size + 2.0 * spread > excess:
+        share = (np.sqrt(spread * spread + size * excess) - spread) / size
+        for k in range(3, 12):
+            row[k] *= share
+    # The fit goes through the mean of the neighbourhood.
+    c0, c1, c2 = c0 + points[p, 0], c1 + points[p, 1], c2 + points[p, 2]
+    for i in range(3):
+        si = s0 if i == 0 else (s1 if i == 1 else s2)
+        turned = row[3 + 3 * i] * c0 + row[4 + 3 * i] * c1 + row[5 + 3 * i] * c2
+        row[i] = displacements[p, i] + si - turned
+    return left_out, 1.0 - explained / scatter if scatter > 0.0 else 0.0
+
+
 @_parallel
-def affine_maps(points, displacements, rows, neighbours, reach, torn, table, chunks):
+def affine_maps(points, displacements, rows, neighbours, reach, torn, whole, table, chunks):
     """For each point of `rows` the affine fit y -> y + b + G y to its own displacement and its neighbours', in `table`.
 
-    A neighbour that is more than `torn` times as far as at rest has been torn off and does not count; one that is the
-    point itself stands for none. Weights go as (1 - (r / reach)^2)^2. Of what is left no gradient may stretch by more
-    than that either: where matter is stirred, the few neighbours that stayed may lie along a line by chance, and tell
+    A neighbour that is more than `torn` times as far as at rest has been torn off and does not count, unless all go
+    together: one affine map explains all but a share `whole` of how their displacements scatter. One that is the point
+    itself stands for none. Weights go as (1 - (r / reach)^2)^2. Of what is left no gradient may stretch by more than
+    `torn` either: where matter is stirred, the few neighbours that stayed may lie along a line by chance, and tell
     across it whatever their scatter is. The gradient is then shrunk towards none, |I + G| to that of I times `torn`.
     """
-    count, most = len(rows), neighbours.shape[1]
+    count, limit = len(rows), reach * reach
     for chunk in numba.prange(chunks):
-        moments, products, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+        work = np.empty((3, 3, 3))
         for p in rows[chunk * count // chunks : (chunk + 1) * count // chunks]:
-            total = 1.0
-            c0 = c1 = c2 = s0 = s1 = s2 = 0.0
-            moments[:], products[:] = 0.0, 0.0
-            limit = reach * reach
-            # About the point itself; the means are taken off below.
-            for k in range(most):
-                q = neighbours[p, k]
-                if q == p:
-                    continue
-                x = points[q, 0] - points[p, 0]
-                y = points[q, 1] - points[p, 1]
-                z = points[q, 2] - points[p, 2]
-                u = displacements[q, 0] - displacements[p, 0]
-                v = displacements[q, 1] - displacements[p, 1]
-                w = displacements[q, 2] - displacements[p, 2]
-                square = x * x + y * y + z * z
-                now = (x + u) * (x + u) + (y + v) * (y + v) + (z + w) * (z + w)
-                if now > torn * torn * square or square >= limit:
-                    continue
-                share = 1.0 - square / limit
-                weight = share * share
-                total += weight
-                c0 += weight * x
-                c1 += weight * y
-                c2 += weight * z
-                s0 += weight * u
-                s1 += weight * v
-                s2 += weight * w
-                moments[0, 0] += weight * x * x
-                moments[0, 1] += weight * x * y
-                moments[0, 2] += weight * x * z
-                moments[1, 1] += weight * y * y
-                moments[1, 2] += weight * y * z
-                moments[2, 2] += weight * z * z
-                products[0, 0] += weight * u * x
-                products[0, 1] += weight * u * y
-                products[0, 2] += weight * u * z
-                products[1, 0] += weight * v * x
-                products[1, 1] += weight * v * y
-                products[1, 2] += weight * v * z
-                products[2, 0] += weight * w * x
-                products[2, 1] += weight * w * y
-                products[2, 2] += weight * w * z
-            c0, c1, c2 = c0 / total, c1 / total, c2 / total
-            s0, s1, s2 = s0 / total, s1 / total, s2 / total
-            xx = moments[0, 0] / total - c0 * c0
-            xy = moments[0, 1] / total - c0 * c1
-            xz = moments[0, 2] / total - c0 * c2
-            yy = moments[1, 1] / total - c1 * c1
-            yz = moments[1, 2] / total - c1 * c2
-            zz = moments[2, 2] / total - c2 * c2
-            inverse[0, 0] = yy * zz - yz * yz
-            inverse[0, 1] = inverse[1, 0] = xz * yz - xy * zz
-            inverse[0, 2] = inverse[2, 0] = xy * yz - xz * yy
-            inverse[1, 1] = xx * zz - xz * xz
-            inverse[1, 2] = inverse[2, 1] = xy * xz - xx * yz
-            inverse[2, 2] = xx * yy - xy * xy
-            determinant = xx * inverse[0, 0] + xy * inverse[0, 1] + xz * inverse[0, 2]
-            mean = (xx + yy + zz) / 3.0
-            row = table[p]
-            row[3:] = 0.0
-            if determinant > THIN * mean * mean * mean:
-                for i in range(3):
-                    si = s0 if i == 0 else (s1 if i == 1 else s2)
-                    a0 = products[i, 0] / total - si * c0
-                    a1 = products[i, 1] / total - si * c1
-                    a2 = products[i, 2] / total - si * c2
-                    for j in range(3):
-                        row[3 + 3 * i + j] = (
-                            a0 * inverse[0, j] + a1 * inverse[1, j] + a2 * inverse[2, j]
-                        ) / determinant
-                size = 0.0
-                for entry in range(3, 12):
-                    size += row[entry] * row[entry]
-                spread = row[3] + row[7] + row[11]
-                excess = 3.0 * (torn * torn - 1.0)
-                if size + 2.0 * spread > excess:
-                    share = (np.sqrt(spread * spread + size * excess) - spread) / size
-                    for entry in range(3, 12):
-                        row[entry] *= share
-                # The fit goes through the mean of the neighbourhood.
-                c0 += points[p, 0]
-                c1 += points[p, 1]
-                c2 += points[p, 2]
-            else:
-                s0 = s1 = s2 = 0.0
-            for i in range(3):
-                si = s0 if i == 0 else (s1 if i == 1 else s2)
-                turned = row[3 + 3 * i] * c0 + row[4 + 3 * i] * c1 + row[5 + 3 * i] * c2
-                row[i] = displacements[p, i] + si - turned
+            left_out, _ = _fit(points, displacements, p, neighbours, limit, torn, work, table[p])
+            if left_out:
+                _, unexplained = _fit(points, displacements, p, neighbours, limit, np.inf, work, table[p])
+                if unexplained > whole:
+                    _fit(points, displacements, p, neighbours, limit, torn, work, table[p])
 
 
 @_parallel

@@ -270,5 +270,8 @@ def _notes(solid: PlacedSolid, filling: Filling, carrier: PointFrames, volume: f
         found.append(f"its volume is uncertain by some {100 * off:.0f} %: look at its slices, gasp inspect --solid")
     far = int((carrier.weights[:, 0] == 0).sum())
     if far:
-        found.append(f"{far:,} Gaussians far off its matter move with the nearest of it and do not turn")
+        found.append(
+            f"{far:,} Gaussians far off its matter move with the nearest of it and do not turn; what is a thing of its"
+            " own among them wants to be an object of its own"
+        )
     return tuple(found)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Collider, SignedDistanceField
@@ -19,7 +20,7 @@ from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import read_mesh
 from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.objects import SplatObject, UpAxis, check_rotation
-from gasp_core.scene.placement import similarity
+from gasp_core.scene.placement import similarity, whole_box
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.solid_fields import field_of
 from gasp_core.solid.mesh_distance import field_of_mesh
@@ -139,7 +140,8 @@ class MeshShape(FileShape):
         mesh = read_mesh(self.file)
         up = self.up or ("+y" if self.file.suffix.lower() == ".glb" else "+z")
         placement = similarity(
-            mesh.vertices,
+            mesh.vertices[np.unique(mesh.faces)],
+            whole_box,
             up=up,
             height=self.height,
             metres_per_unit=self.metres_per_unit,

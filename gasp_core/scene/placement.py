@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,18 @@ from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternio
 from gasp_core.harmonics import turn_coefficients
 from gasp_core.scene.objects import SplatObject, UpAxis
 
-__all__ = ["Placement", "place", "placement_of", "robust_box", "similarity", "turned", "up_axis", "upright", "with_up"]
+__all__ = [
+    "Placement",
+    "place",
+    "placement_of",
+    "robust_box",
+    "similarity",
+    "turned",
+    "up_axis",
+    "upright",
+    "whole_box",
+    "with_up",
+]
 
 Array = NDArray[Any]
 
@@ -97,6 +109,7 @@ def placement_of(item: SplatObject, gaussians: Gaussians) -> Placement:
     """
     return similarity(
         gaussians.means.astype(np.float64),
+        robust_box,
         up=up_axis(item),
         height=item.height,
         metres_per_unit=item.metres_per_unit,
@@ -106,8 +119,14 @@ def placement_of(item: SplatObject, gaussians: Gaussians) -> Placement:
     )
 
 
+def whole_box(positions: Array) -> tuple[Array, Array]:
+    """Lower and upper corner of all positions (N, 3)."""
+    return positions.min(axis=0), positions.max(axis=0)
+
+
 def similarity(
     points: Array,
+    box: Callable[[Array], tuple[Array, Array]],
     *,
     up: UpAxis,
     height: float | None,
@@ -116,17 +135,28 @@ def similarity(
     position: Vector | None,
     name: str,
 ) -> Placement:
-    """How points (N, 3) of a file are put into the world; the other parameters are those of `SplatObject`.
+    """How points (N, 3) of a file are put into the world.
+
+    Parameters
+    ----------
+    points
+        In the file's own frame.
+    box
+        Lower and upper corner of what points say where the thing is: `robust_box` where some are noise.
+    up, height, metres_per_unit, rotation, position
+        As of `SplatObject`.
+    name
+        Of the thing, for messages.
 
     Raises
     ------
     SceneError
-        Where a height is asked of what has none; it is said by its `name`.
+        Where a height is asked of what has none.
     """
     turn = upright(up)
     scale = 1.0 if metres_per_unit is None else metres_per_unit
     if height is not None:
-        lower, upper = robust_box(points @ turn.T)
+        lower, upper = box(points @ turn.T)
         if not upper[2] > lower[2]:
             raise SceneError(
                 f"{name}: height = {height:g} cannot be met, it has no extent along its"
@@ -137,7 +167,7 @@ def similarity(
         turn = _turn(rotation) @ turn
     translation = np.zeros(3)
     if position is not None:
-        lower, upper = robust_box(points @ (scale * turn).T)
+        lower, upper = box(points @ (scale * turn).T)
         foot = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
         translation = np.asarray(position) - foot
     return Placement(rotation=turn, scale=scale, translation=translation)

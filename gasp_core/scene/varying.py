@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from gasp_core.contract import Material
@@ -57,7 +58,7 @@ class VaryingMaterial:
     @classmethod
     def of(cls, kind: type[Material], **numbers: Any) -> VaryingMaterial:
         """`VaryingMaterial.of(Elastic, density=400, youngs_modulus="E.npy", poissons_ratio=0.3)`."""
-        plain = {name: value for name, value in numbers.items() if name == "name" or isinstance(value, (int, float))}
+        plain = {name: value for name, value in numbers.items() if name == "name" or isinstance(value, Real)}
         columns = {name: value for name, value in numbers.items() if name not in plain}
         return cls(base=kind(**plain, **stand_ins(columns)), columns=columns)
 

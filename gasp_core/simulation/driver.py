@@ -176,15 +176,16 @@ def simulate_part(
     if found is None:
         refuse_existing(path, overwrite)
     known = {} if found is None else _carriers_of(found)
+    spacing = None if found is None else found.header.spacing
     wanted = scene.frame_count
     end = wanted if frames is None else min(frames, wanted)
     # Where an engine begins with matter at rest: what a checkpoint has of it, the engine knows better.
     judged = whole if found is None and end > 1 else None
     if code_of(scene):
         # Whoever's code it is, it is not imported for a scene that is refused for something else.
-        _check_supported(without_code(scene), judged, chosen, known)
+        _check_supported(without_code(scene), judged, chosen, known, spacing)
     with progress_for(progress, wanted) as shown:
-        prepared = _check_supported(scene, judged, chosen, known)
+        prepared = _check_supported(scene, judged, chosen, known, spacing)
         header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
         for note in header.notes:
             shown.say(note)
@@ -246,10 +247,14 @@ def _carriers_of(found: Recording) -> dict[str, TransferOperator]:
 
 
 def _check_supported(
-    scene: Scene, judged: Scene | None, chosen: ChosenEngine, known: Mapping[str, TransferOperator]
+    scene: Scene,
+    judged: Scene | None,
+    chosen: ChosenEngine,
+    known: Mapping[str, TransferOperator],
+    spacing: float | None,
 ) -> Prepared:
     """Read a scene and refuse what its engine does not declare, or what frames as of `judged` are too long for."""
-    prepared = _strained(prepare(scene, known), chosen)
+    prepared = _strained(prepare(scene, known, spacing), chosen)
     names = [body.name for body in prepared.assembly.bodies]
     refuse_too_large(prepared.assembly.leads, (judged or scene).frame_count)
     check_supported(

@@ -26,15 +26,17 @@ class Prepared(PlacedScene):
     assembly: Assembly
 
 
-def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -> Prepared:
+def prepare(
+    scene: Scene, known: Mapping[str, TransferOperator] | None = None, spacing: float | None = None
+) -> Prepared:
     """Read, select and place the splats of a scene and make the engine's points of them.
 
     Parameters
     ----------
     scene
         Whose.
-    known
-        What carried its objects before, see `gasp_core.reduction.assembly.assemble`.
+    known, spacing
+        What carried its objects before, and on what grid [m], see `gasp_core.reduction.assembly.assemble`.
 
     Raises
     ------
@@ -42,5 +44,5 @@ def prepare(scene: Scene, known: Mapping[str, TransferOperator] | None = None) -
         Where a splat cannot be read, or nothing of it is left.
     """
     placed = place_scene(scene)
-    assembly = assemble(scene, placed.objects, placed.motions, known)
+    assembly = assemble(scene, placed.objects, placed.motions, known, spacing)
     return Prepared(objects=placed.objects, digests=placed.digests, motions=placed.motions, assembly=assembly)

@@ -1,4 +1,8 @@
-"""Solids that were made before, kept in the user's cache folder: the same Gaussians and options give the same solid."""
+"""Solids that were made before: the same Gaussians and options give the same solid.
+
+They are kept in the user's cache folder, and the last few in memory: a run asks for that of an object several times,
+and where there is no folder that can be written, in a container, it would be built as often.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ import hashlib
 import io
 import os
 import re
+import threading
+from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -30,7 +36,11 @@ Array = NDArray[Any]
 _VERSION = 3
 """Of what `solid_of` makes: another one wherever its numbers change."""
 _MOST_BYTES = 256 * 2**20
+_MOST_IN_MEMORY = 4
 _NAME = re.compile(r"[0-9a-f]{64}\.solid\.npz")
+_holding = threading.Lock()
+_last: OrderedDict[str, Solid] = OrderedDict()
+"""By key, the one that was used last behind the others."""
 _DOUBTS = {name: type(value) for name, value in asdict(Doubts()).items()}
 
 
@@ -41,10 +51,26 @@ def remembered(gaussians: Gaussians, options: SolidOptions | None = None) -> Sol
     there are more than 256 MB of them.
     """
     options = options or SolidOptions()
+    key = _key(gaussians, options)
+    with _holding:
+        found = _last.pop(key, None)
+    if found is None:
+        found = _kept(key, gaussians, options)
+        for array in (found.distance, found.grid.origin, found.sheets.positions, found.sheets.areas):
+            array.flags.writeable = False
+    with _holding:
+        _last[key] = found
+        while len(_last) > _MOST_IN_MEMORY:
+            _last.popitem(last=False)
+    return found
+
+
+def _kept(key: str, gaussians: Gaussians, options: SolidOptions) -> Solid:
+    """From the folder, or built and put there."""
     folder = cache_folder("solids")
     if folder is None:
         return solid_of(gaussians, options)
-    path = folder / f"{_key(gaussians, options)}.solid.npz"
+    path = folder / f"{key}.solid.npz"
     found = _read(path)
     if found is None:
         found = solid_of(gaussians, options)

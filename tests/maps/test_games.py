@@ -138,7 +138,9 @@ def test_demagnify_undoes_magnify():
 def test_auto_keeps_what_is_not_flat():
     rng = np.random.default_rng(8)
     assert games.choose_vertices(random_gaussians(rng, 100, low=-1, high=0, flat=True)) == 3
-    assert games.choose_vertices(random_gaussians(rng, 100, low=-1, high=0)) == 4
+    round_ones = random_gaussians(rng, 100, low=-1, high=0)
+    assert games.choose_vertices(round_ones) == 4
+    assert games.choose_vertices(round_ones.with_(opacities=np.full(100, 0.01))) == 4, "faint ones have a shape too"
 
 
 def test_flatten_says_what_it_lost():

@@ -14,9 +14,9 @@ JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 WATER = Fluid(density=1000, bulk_modulus=1e5)
 
 
-def assembled(*items, known=None, **accuracy):
+def assembled(*items, known=None, spacing_before=None, **accuracy):
     scene = Scene(duration=1, frame_rate=1, objects=items, accuracy=EngineAccuracy(**accuracy))
-    return assemble(scene, [place_object(item, item.splat) for item in items], known=known)
+    return assemble(scene, [place_object(item, item.splat) for item in items], known=known, spacing=spacing_before)
 
 
 def thing(splat, name="thing", **options):
@@ -69,6 +69,21 @@ def test_a_run_that_is_gone_on_with_keeps_what_was_chosen():
     (before,) = assembled(thing(splat, reduction=Reduction(mode="all")), resolution=24).bodies
     (after,) = assembled(thing(splat), known={"thing": before.carrier}, resolution=24).bodies
     assert after.carrier.kind == "all"
+
+
+def test_a_run_that_is_gone_on_with_keeps_its_grid_whatever_its_points_have_become():
+    """Sheets for which as many cores as cells would be more points than vertices: "cores" for the grid, then "all"."""
+    across = np.stack(np.meshgrid(*2 * [np.linspace(-0.5, 0.5, 54)]), axis=-1).reshape(-1, 2)
+    points = np.append(across, 0.15 * np.sin(6 * across[:, :1]), axis=1)
+    slopes = np.stack([-0.9 * np.cos(6 * points[:, 0]), 0 * points[:, 0], np.ones(len(points))], axis=1)
+    normals = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+    sizes, opacities = np.full((len(points), 2), 0.8 / 54), np.full(len(points), 0.99)
+    item = thing(discs(points, normals, sizes, opacities, np.random.default_rng(0)))
+    before = assembled(item)
+    assert before.bodies[0].carrier.kind == "all" and before.accuracy.resolution == 48
+    after = assembled(item, known={"thing": before.bodies[0].carrier}, spacing_before=before.spacing)
+    assert after.spacing == before.spacing and after.accuracy.resolution == 48
+    assert "as it was recorded" in after.notes[0]
 
 
 def test_there_are_enough_cores_for_the_cells_of_a_sheet():

@@ -118,6 +118,20 @@ def test_pieces_that_part_take_their_own_along_and_nothing_is_smeared():
     assert (up | still).all() and up.any() and still.any()
 
 
+@pytest.mark.parametrize(
+    "stretches", [(2.5, 1, 1), (4, 0.5, 0.5), (3, 3, 1 / 9), (3, 3, 3)], ids=["bar", "rubber", "sheet", "all round"]
+)
+def test_what_is_stretched_as_a_whole_is_drawn_so_however_far(stretches):
+    body = assembled(shell(SHAPES["cube"], count=2_000)).bodies[0]
+    points = body.carrier.points
+    # Farther at one end than at the other, by a tenth.
+    ends = points * (1 + 0.05 * points[:, :1] / np.abs(points[:, 0]).max()) @ np.diag(stretches)
+    moved, rest = (np.diff(each, axis=1) for each in (moved_simplices(body, ends - points), body.block.rest))
+    lengths, before = np.linalg.norm(moved, axis=2), np.linalg.norm(rest @ np.diag(stretches), axis=2)
+    assert lengths == pytest.approx(before, rel=0.25)
+    assert np.median(lengths / before) == pytest.approx(1.0, abs=0.05)
+
+
 def test_what_flows_apart_keeps_gaussians_whole():
     body = assembled(shell(SHAPES["sphere"], count=3_000)).bodies[0]
     rng = np.random.default_rng(0)
@@ -313,3 +327,18 @@ def test_haze_beside_a_body_has_no_points_of_its_own():
     assert found.positions[: len(found.positions) - found.sheet, 2].max() < 1 + spacing
     assert found.sheet > 0
     assert found.positions[-found.sheet :, 2].min() > 2
+
+
+def test_what_is_far_off_the_matter_is_not_swung_about_by_its_turns():
+    """A piece too small to have a body: 1 % of the Gaussians, ten cells away."""
+    ball = shell(SHAPES["sphere"], count=5_000)
+    piece = shell(SHAPES["sphere"], count=50)
+    piece = piece.with_(means=0.1 * piece.means + [1.2, 0, 0], scales=0.1 * piece.scales)
+    body = assembled(joined(ball, piece)).bodies[0]
+    points = body.carrier.points
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    moved = moved_simplices(body, points @ quarter.T - points)
+    way = np.linalg.norm(moved[-50:, 0] - body.block.rest[-50:, 0], axis=1)
+    # As far as the nearest matter goes, at the surface of the ball; what is thrice as far out would go farther.
+    assert (way < 1.1 * np.sqrt(2) * np.linalg.norm(points, axis=1).max()).all()
+    assert any("50 Gaussians far off its matter" in note for note in body.notes)

@@ -57,6 +57,23 @@ def test_other_meshes_have_z_up(folder):
     assert (field.signed_distance(np.array([[0.0, 0.19, 0.59], [0.09, 0.0, 0.01]])) < 0).all()
 
 
+def test_a_mesh_is_as_large_as_its_vertices_however_they_are_spread(folder):
+    """Most of them on top: what is left out of a splat as noise would be the legs of a table."""
+    top = trimesh.creation.box(extents=(1, 1, 0.02)).subdivide_loop(iterations=0)
+    for _ in range(6):
+        top = top.subdivide()
+    top.apply_translation([0, 0, 0.74])
+    legs = [trimesh.creation.box(extents=(0.04, 0.04, 0.73)) for _ in range(4)]
+    for leg, (x, y) in zip(legs, [(-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4)]):
+        leg.apply_translation([x, y, 0.365])
+    table = trimesh.util.concatenate([top, *legs])
+    assert len(table.vertices) / 500 > 4 * 8, "a thousandth at the bottom is all of the legs' feet"
+    table.export(folder / "table.stl")
+    field = MeshShape(file=folder / "table.stl", height=0.75, position=(0, 0, 0), cells=64).resolve()
+    places = np.array([[0, 0, 0.74], [0.4, 0.4, 0.02], [0.4, 0.4, 0.5], [0, 0, 0.5], [0, 0, -0.05]])
+    assert (field.signed_distance(places) < 0).tolist() == [True, True, True, False, False]
+
+
 def test_a_splat_is_the_solid_behind_it(folder):
     scene = loaded(folder, '[[collider]]\nshape = "splat"\nsplat = "toy.ply"\nup = "+z"\nposition = [0, 0, 0]\n')
     (collider,) = scene.colliders

@@ -278,3 +278,10 @@ def test_materials_of_parts_are_said_as_those_of_objects():
     again = read_scene(scene_to_toml(scene), file="again", folder=None)
     assert scene_digest(again, ["00"]) == scene_digest(scene, ["00"])
     assert again.objects[0].parts[0].material.base.name == "rubber"
+
+
+def test_a_number_is_a_number_whoever_made_it():
+    varying = VaryingMaterial.of(
+        Elastic, density=np.float32(400), youngs_modulus=np.full(3, 1e5), poissons_ratio=np.int64(0)
+    )
+    assert set(varying.columns) == {"youngs_modulus"} and varying.base.density == 400

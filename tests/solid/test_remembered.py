@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections import OrderedDict
 
 import numpy as np
 import pytest
@@ -19,6 +20,17 @@ from gasp_core.solid.remembered import remembered
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     return tmp_path / "cache" / "solids"
+
+
+@pytest.fixture(autouse=True)
+def _nothing_in_memory(monkeypatch):
+    monkeypatch.setattr(module, "_last", OrderedDict())
+
+
+def later(*arguments):
+    """What another process is given: nothing is in its memory."""
+    module._last.clear()
+    return remembered(*arguments)
 
 
 @pytest.fixture
@@ -44,7 +56,7 @@ def splat(count=500):
 
 
 def test_a_solid_is_made_once_and_found_again_as_it_was(folder, made):
-    first, second = remembered(splat()), remembered(splat())
+    first, second = remembered(splat()), later(splat())
     same(first, second)
     assert len(made) == 1 and len(list(folder.iterdir())) == 1
 
@@ -61,9 +73,9 @@ def test_a_damaged_file_is_made_anew(folder, made, damage):
     first = remembered(splat())
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
-    same(first, remembered(splat()))
+    same(first, later(splat()))
     assert len(made) == 2
-    remembered(splat())
+    later(splat())
     assert len(made) == 2
 
 
@@ -75,7 +87,7 @@ def test_numbers_that_are_no_solid_are_made_anew(folder, made):
     arrays["distance"] = np.full_like(arrays["distance"], np.nan)
     with file.open("wb") as stream:
         np.savez(stream, **arrays)
-    assert np.isfinite(remembered(splat()).distance).all()
+    assert np.isfinite(later(splat()).distance).all()
     assert len(made) == 2
 
 
@@ -90,8 +102,28 @@ def test_nothing_is_kept_where_that_is_asked(tmp_path, monkeypatch, made):
     monkeypatch.setenv(CACHE_VARIABLE, "")
     assert cache_folder("solids") is None
     remembered(splat())
-    remembered(splat())
+    later(splat())
     assert len(made) == 2
+
+
+@pytest.mark.parametrize("cache", ["", "nowhere/that/can/be/written"])
+def test_one_process_makes_a_solid_once_wherever_it_may_write(tmp_path, monkeypatch, made, cache):
+    (tmp_path / "nowhere").write_text("no folder")
+    monkeypatch.setenv(CACHE_VARIABLE, cache and str(tmp_path / cache))
+    first = remembered(splat())
+    assert remembered(splat()) is first and len(made) == 1
+    with pytest.raises(ValueError, match="read-only"):
+        first.distance[:] = 0
+
+
+def test_of_those_in_memory_the_last_few_stay(folder, made):
+    for count in (500, 501, 502, 503, 504):
+        remembered(splat(count))
+    assert len(module._last) == 4
+    remembered(splat(501))
+    remembered(splat(505))
+    assert module._key(splat(501), SolidOptions()) in module._last
+    assert module._key(splat(502), SolidOptions()) not in module._last
 
 
 def test_the_oldest_go_and_nothing_else_does(folder, monkeypatch):

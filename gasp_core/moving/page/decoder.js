@@ -76,6 +76,7 @@ const FLOW_STEPS = 63;
 const BURIED = 64;
 const OFFSET_STEPS = 32;
 const TORN = 2.0;
+const WHOLE = 1 / 16;
 const REACH = 2.1;
 const THIN = 1e-4;
 const THINNEST = 1e-5;
@@ -110,75 +111,93 @@ class Volume {
     carrier.labels = await table(file("labels"), rows);
     carrier.weights = await table(file("weights"), rows);
     carrier.maps = new Float64Array(12 * body.points);
+    carrier.sums = new Float64Array(9);
+    carrier.inverse = new Float64Array(6);
     return carrier;
   }
 
   /** Affine maps of all points, b then G row by row, from their displacements. */
   prepare(moves) {
-    const { points, neighbours, maps } = this;
+    for (let p = 0; p < this.shape[0]; p++) {
+      // Where something has been torn off that does not count, unless all is stretched as a whole.
+      if (this.fit(p, moves, TORN)[0] && this.fit(p, moves, Infinity)[1] > WHOLE) this.fit(p, moves, TORN);
+    }
+  }
+
+  /** The map of a point, without neighbours that are `torn` times as far as at rest: whether there are any, and which
+   * share of how displacements scatter it does not explain. */
+  fit(p, moves, torn) {
+    const { points, neighbours, maps, sums, inverse } = this;
     const { values, columns } = neighbours;
     const limit = (REACH * this.spacing) ** 2;
-    const most = 3 * (TORN * TORN - 1);
-    const sums = new Float64Array(9);
-    const inverse = new Float64Array(6);
-    for (let p = 0; p < this.shape[0]; p++) {
-      const px = points[3 * p], py = points[3 * p + 1], pz = points[3 * p + 2];
-      const pu = moves[3 * p], pv = moves[3 * p + 1], pw = moves[3 * p + 2];
-      let total = 1, cx = 0, cy = 0, cz = 0, su = 0, sv = 0, sw = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
-      sums.fill(0);
-      for (let k = 0; k < columns; k++) {
-        const offset = values[p * columns + k];
-        if (offset === 0) continue;
-        const q = 3 * (p + offset);
-        const x = points[q] - px, y = points[q + 1] - py, z = points[q + 2] - pz;
-        const u = moves[q] - pu, v = moves[q + 1] - pv, w = moves[q + 2] - pw;
-        const square = x * x + y * y + z * z;
-        const now = (x + u) * (x + u) + (y + v) * (y + v) + (z + w) * (z + w);
-        if (now > TORN * TORN * square || square >= limit) continue;
-        const weight = (1 - square / limit) ** 2;
-        total += weight;
-        cx += weight * x, cy += weight * y, cz += weight * z;
-        su += weight * u, sv += weight * v, sw += weight * w;
-        xx += weight * x * x, xy += weight * x * y, xz += weight * x * z;
-        yy += weight * y * y, yz += weight * y * z, zz += weight * z * z;
-        sums[0] += weight * u * x, sums[1] += weight * u * y, sums[2] += weight * u * z;
-        sums[3] += weight * v * x, sums[4] += weight * v * y, sums[5] += weight * v * z;
-        sums[6] += weight * w * x, sums[7] += weight * w * y, sums[8] += weight * w * z;
+    const most = 3 * (torn * torn - 1);
+    const px = points[3 * p], py = points[3 * p + 1], pz = points[3 * p + 2];
+    const pu = moves[3 * p], pv = moves[3 * p + 1], pw = moves[3 * p + 2];
+    let total = 1, cx = 0, cy = 0, cz = 0, su = 0, sv = 0, sw = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+    let squares = 0, leftOut = false;
+    sums.fill(0);
+    for (let k = 0; k < columns; k++) {
+      const offset = values[p * columns + k];
+      if (offset === 0) continue;
+      const q = 3 * (p + offset);
+      const x = points[q] - px, y = points[q + 1] - py, z = points[q + 2] - pz;
+      const u = moves[q] - pu, v = moves[q + 1] - pv, w = moves[q + 2] - pw;
+      const square = x * x + y * y + z * z;
+      if (square >= limit) continue;
+      const now = (x + u) * (x + u) + (y + v) * (y + v) + (z + w) * (z + w);
+      if (now > torn * torn * square) {
+        leftOut = true;
+        continue;
       }
-      const share = 1 / total;
-      cx *= share, cy *= share, cz *= share, su *= share, sv *= share, sw *= share;
-      xx = xx * share - cx * cx, xy = xy * share - cx * cy, xz = xz * share - cx * cz;
-      yy = yy * share - cy * cy, yz = yz * share - cy * cz, zz = zz * share - cz * cz;
-      inverse[0] = yy * zz - yz * yz, inverse[1] = xz * yz - xy * zz, inverse[2] = xy * yz - xz * yy;
-      inverse[3] = xx * zz - xz * xz, inverse[4] = xy * xz - xx * yz, inverse[5] = xx * yy - xy * xy;
-      const determinant = xx * inverse[0] + xy * inverse[1] + xz * inverse[2];
-      const mean = (xx + yy + zz) / 3;
-      const row = 12 * p;
-      maps.fill(0, row, row + 12);
-      if (determinant > THIN * mean ** 3) {
-        let size = 0;
-        for (let i = 0; i < 3; i++) {
-          const s = i === 0 ? su : i === 1 ? sv : sw;
-          const a = sums[3 * i] * share - s * cx, b = sums[3 * i + 1] * share - s * cy, c = sums[3 * i + 2] * share - s * cz;
-          const g = row + 3 + 3 * i;
-          maps[g] = (a * inverse[0] + b * inverse[1] + c * inverse[2]) / determinant;
-          maps[g + 1] = (a * inverse[1] + b * inverse[3] + c * inverse[4]) / determinant;
-          maps[g + 2] = (a * inverse[2] + b * inverse[4] + c * inverse[5]) / determinant;
-          size += maps[g] ** 2 + maps[g + 1] ** 2 + maps[g + 2] ** 2;
-        }
-        const spread = maps[row + 3] + maps[row + 7] + maps[row + 11];
-        if (size + 2 * spread > most) {
-          const less = (Math.sqrt(spread * spread + size * most) - spread) / size;
-          for (let entry = 3; entry < 12; entry++) maps[row + entry] *= less;
-        }
-        cx += px, cy += py, cz += pz;
-      } else su = sv = sw = 0;
-      for (let i = 0; i < 3; i++) {
-        const g = row + 3 + 3 * i;
-        const s = i === 0 ? su : i === 1 ? sv : sw;
-        maps[row + i] = moves[3 * p + i] + s - (maps[g] * cx + maps[g + 1] * cy + maps[g + 2] * cz);
-      }
+      const weight = (1 - square / limit) ** 2;
+      total += weight;
+      squares += weight * (u * u + v * v + w * w);
+      cx += weight * x, cy += weight * y, cz += weight * z;
+      su += weight * u, sv += weight * v, sw += weight * w;
+      xx += weight * x * x, xy += weight * x * y, xz += weight * x * z;
+      yy += weight * y * y, yz += weight * y * z, zz += weight * z * z;
+      sums[0] += weight * u * x, sums[1] += weight * u * y, sums[2] += weight * u * z;
+      sums[3] += weight * v * x, sums[4] += weight * v * y, sums[5] += weight * v * z;
+      sums[6] += weight * w * x, sums[7] += weight * w * y, sums[8] += weight * w * z;
     }
+    const share = 1 / total;
+    cx *= share, cy *= share, cz *= share, su *= share, sv *= share, sw *= share;
+    xx = xx * share - cx * cx, xy = xy * share - cx * cy, xz = xz * share - cx * cz;
+    yy = yy * share - cy * cy, yz = yz * share - cy * cz, zz = zz * share - cz * cz;
+    inverse[0] = yy * zz - yz * yz, inverse[1] = xz * yz - xy * zz, inverse[2] = xy * yz - xz * yy;
+    inverse[3] = xx * zz - xz * xz, inverse[4] = xy * xz - xx * yz, inverse[5] = xx * yy - xy * xy;
+    const determinant = xx * inverse[0] + xy * inverse[1] + xz * inverse[2];
+    const mean = (xx + yy + zz) / 3;
+    const row = 12 * p;
+    maps.fill(0, row, row + 12);
+    let explained = 0;
+    const scatter = squares * share - (su * su + sv * sv + sw * sw);
+    const told = determinant > THIN * mean ** 3;
+    if (told) {
+      let size = 0;
+      for (let i = 0; i < 3; i++) {
+        const s = i === 0 ? su : i === 1 ? sv : sw;
+        const a = sums[3 * i] * share - s * cx, b = sums[3 * i + 1] * share - s * cy, c = sums[3 * i + 2] * share - s * cz;
+        const g = row + 3 + 3 * i;
+        maps[g] = (a * inverse[0] + b * inverse[1] + c * inverse[2]) / determinant;
+        maps[g + 1] = (a * inverse[1] + b * inverse[3] + c * inverse[4]) / determinant;
+        maps[g + 2] = (a * inverse[2] + b * inverse[4] + c * inverse[5]) / determinant;
+        size += maps[g] ** 2 + maps[g + 1] ** 2 + maps[g + 2] ** 2;
+        explained += maps[g] * a + maps[g + 1] * b + maps[g + 2] * c;
+      }
+      const spread = maps[row + 3] + maps[row + 7] + maps[row + 11];
+      if (size + 2 * spread > most) {
+        const less = (Math.sqrt(spread * spread + size * most) - spread) / size;
+        for (let entry = 3; entry < 12; entry++) maps[row + entry] *= less;
+      }
+      cx += px, cy += py, cz += pz;
+    } else su = sv = sw = 0;
+    for (let i = 0; i < 3; i++) {
+      const g = row + 3 + 3 * i;
+      const s = i === 0 ? su : i === 1 ? sv : sw;
+      maps[row + i] = moves[3 * p + i] + s - (maps[g] * cx + maps[g + 1] * cy + maps[g + 2] * cz);
+    }
+    return [leftOut, !told ? 1 : scatter > 0 ? 1 - explained / scatter : 0];
   }
 
   /** The map of one Gaussian whose mean rests at x, y, z, into `map`. */
