@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +39,7 @@ __all__ = [
     "Push",
     "clamped_at_edge",
     "driven_block",
+    "driven_round",
     "driven_twice",
     "expanding_domain",
     "pinned_block",
@@ -235,6 +237,35 @@ def driven_block(subject: Subject) -> Grip:
             error=max(_distance(each[count:], free + gravity * t**2 / 2) for each, t in zip(places, times)),
             allowed=1.05 * oracles.euler_fall_error(pull, late, step) + rounded,
         ),
+    )
+
+
+def driven_round(subject: Subject) -> Deviation:
+    """A block is taken round an axis ten cells away, three times: each time it comes back to where it was.
+
+    Held to the tangents it would go outward by pi w dt of the radius in every turn, and grow as much.
+    """
+    turn = 0.4
+    spin = np.array([0.0, 0.0, 2 * math.pi / turn])
+    center = _HERE + [1.1, 0.1, 0.1]
+    drive = Driven(region=_AROUND, angular_velocity=tuple(spin), center=tuple(center))
+    block = box_of_points(_HERE, (2, 2, 2), _SPACING)
+    problem = PointProblem(
+        points=cloud_of([block], [np.cross(spin, block - center)], _SPACING),
+        materials=(stiff_material(subject),),
+        gravity=NO_GRAVITY,
+        drives=(drive,),
+    )
+    places, step, _ = _snapshots(subject, problem, [turn, 2 * turn, 3 * turn])
+    reach = float(np.linalg.norm((block - center)[:, :2], axis=1).max())
+    speed = float(np.linalg.norm(spin)) * reach
+    far, way = float(np.abs(center).max()) + reach, 3 * turn * speed
+    rounded = place_rounding(subject, math.ceil(3 * turn / step), far, way)
+    return Deviation(
+        error=max(_distance(place, block) for place in places),
+        # The grip closes within a substep, in which matter goes straight on: off its circle by the second power of the
+        # way, and as fast as it should be but for the direction.
+        allowed=speed * step * float(np.linalg.norm(spin)) * step + rounded,
     )
 
 

@@ -551,8 +551,10 @@ def test_pinned(subject: Subject, ledger: Ledger) -> None:
 
 @check("drive:driven", Level.CAPABILITY)
 def test_driven(subject: Subject, ledger: Ledger) -> None:
-    """A block is shifted and turned as a rigid body in its time, and goes on straight afterwards; later drives win."""
+    """A block is shifted and turned as a rigid body in its time, round and round too, and goes on straight afterwards;
+    later drives win."""
     grips(ledger, "driven", forcing_cases.driven_block(subject))
+    keeps(ledger, "driven round", "error after turns", forcing_cases.driven_round(subject))
     keeps(ledger, "driven twice", "error of what two drives hold", forcing_cases.driven_twice(subject))
 
 

@@ -66,11 +66,11 @@ def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
     return pose_of_drive(drive, time).before(positions) if isinstance(drive, Driven) else positions
 
 
-def prescribed_velocities(drive: Drive, time: float, positions: Array) -> Array:
-    """Velocities (N, 3) [m/s] that a drive gives to matter at these places (N, 3) [m] at a time [s]."""
+def prescribed_velocities(drive: Drive, time: float, step: float, positions: Array) -> Array:
+    """Velocities (N, 3) [m/s] that a drive gives to matter at places (N, 3) [m] at a time [s], for a step [s]."""
     if not isinstance(drive, Driven):
         return np.zeros_like(positions)
-    return pose_of_drive(drive, time).velocities(positions)
+    return pose_of_drive(drive, time).during(step).velocities(positions)
 
 
 def walls_of(collider: Collider) -> Sequence[Collider]:

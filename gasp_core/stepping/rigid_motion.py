@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,9 @@ class Pose:
     velocity : (3,) [m/s]
         Of what was at the center.
     angular_velocity : (3,) [rad/s]
+        w.
+    inward
+        [s]: how much of w x (w x r) [m/s^2] belongs to a velocity; 0 at a moment, see `during`.
     """
 
     center: Array
@@ -47,6 +50,7 @@ class Pose:
     rotation: Array
     velocity: Array
     angular_velocity: Array
+    inward: float = 0.0
 
     def before(self, positions: Array) -> Array:
         """Where in the scene is what is at positions (N, 3) [m] now."""
@@ -54,7 +58,24 @@ class Pose:
 
     def velocities(self, positions: Array) -> Array:
         """Velocities (N, 3) [m/s] of what is at positions (N, 3) [m] now."""
-        return self.velocity + np.cross(self.angular_velocity, positions - self.place)
+        around = np.cross(self.angular_velocity, positions - self.place)
+        velocities = self.velocity + around
+        return velocities + self.inward * np.cross(self.angular_velocity, around) if self.inward else velocities
+
+    def during(self, step: float) -> Pose:
+        """The same pose with the velocities that bring everything in a `step` [s] to where it is then.
+
+        Along the chord and not along the tangent, which leads outward: what is held by tangents turns in a spiral, and
+        its deformation gradient grows. With a turn by t = |w| dt about the axis n, (R - I)/dt is, by Rodrigues,
+        sin t / dt [n] + (1 - cos t) / dt [n]^2, [n] being the matrix of the cross product: that of w' = w sin t / t,
+        and dt / (1 + cos t) times its square.
+        """
+        # More than that no step turns: limits keep it below a fifth.
+        angle = min(float(np.linalg.norm(self.angular_velocity)) * step, 3.0)
+        if angle == 0.0:
+            return self
+        slower = self.angular_velocity * (math.sin(angle) / angle)
+        return replace(self, angular_velocity=slower, inward=step / (1 + math.cos(angle)))
 
 
 def pose_of(motion: RigidMotion, time: float) -> Pose:

@@ -22,12 +22,15 @@ def wall_distances(wall: Collider, positions: Array, time: float) -> Array:
     return sign * wall.shape.signed_distance(places)
 
 
-def wall_surface(wall: Collider, positions: Array, time: float) -> tuple[Array, Array]:
-    """Unit normals (N, 3) towards where matter may be, and a collider's own velocities (N, 3) [m/s]."""
+def wall_surface(wall: Collider, positions: Array, time: float, step: float = 0.0) -> tuple[Array, Array]:
+    """Unit normals (N, 3) towards where matter may be, and a collider's own velocities (N, 3) [m/s].
+
+    Of a step [s] from that time on: what has them is at the end where the collider has taken it.
+    """
     sign = 1.0 if wall.side is Side.OUTSIDE else -1.0
     if wall.motion is None:
         return sign * wall.shape.outward_normal(positions), np.zeros_like(positions)
-    pose = pose_of(wall.motion, time)
+    pose = pose_of(wall.motion, time).during(step)
     normals = sign * wall.shape.outward_normal(pose.before(positions))
     return normals @ pose.rotation.T, pose.velocities(positions)
 

@@ -67,10 +67,13 @@ def test_a_region_moves_with_its_drive_and_matter_at_the_drives_velocity(time):
     np.testing.assert_allclose(position_at_start(LED, time, moved(time)), places, atol=1e-13)
     h = 1e-4
     slopes = (moved(time + h) - moved(time - h)) / (2 * h)
-    np.testing.assert_allclose(prescribed_velocities(LED, time, moved(time)), slopes, atol=1e-6)
+    np.testing.assert_allclose(prescribed_velocities(LED, time, 0.0, moved(time)), slopes, atol=1e-6)
+    for step in (1e-6, 1e-3, 0.1, 1.0):
+        onward = moved(time) + step * prescribed_velocities(LED, time, step, moved(time))
+        np.testing.assert_allclose(onward, moved(time + step), atol=1e-13)
     pinned = Pinned(region=BALL)
     assert position_at_start(pinned, time, places) is places
-    assert not prescribed_velocities(pinned, time, places).any()
+    assert not prescribed_velocities(pinned, time, 1.0, places).any()
 
 
 @given(st.integers(0, 10_000))

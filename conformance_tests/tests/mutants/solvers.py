@@ -13,7 +13,8 @@ from gasp_reference_mpm.material_points import deformed
 from gasp_reference_mpm.transfer import gather
 from numpy.typing import NDArray
 
-from gasp_core.contract import Collider, EngineAccuracy, StepReport
+from gasp_core.contract import Collider, Drive, EngineAccuracy, StepReport
+from gasp_core.stepping.forcing import prescribed_velocities
 from gasp_core.stepping.time_step import MotionLimits
 from mutants.base import Mutant, Session, mutant
 
@@ -56,6 +57,17 @@ def _linear_stress(deformation: Array, mu: float, lame: float) -> Array:
     strain = (deformation + deformation.swapaxes(1, 2)) / 2 - np.eye(3)
     stress = 2 * mu * strain + lame * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     return stress @ deformation.swapaxes(1, 2)
+
+
+def _along_tangents(drive: Drive, time: float, step: float, places: Array) -> Array:
+    return prescribed_velocities(drive, time, 0.0, places)
+
+
+@mutant("drives-along-tangents", {"drive:driven": "error after turns"})
+class DrivesAlongTangents(InsideOut):
+    """What is driven round has the velocity of the moment at which a substep begins."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"boundary.prescribed_velocities": _along_tangents}
 
 
 @mutant("small-strains", {"conserved:angular_momentum": "relative change"})
@@ -162,8 +174,10 @@ class StepsByStiffnessAlone(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.substep_size": _step_of_stiffness}
 
 
-def _braked(velocities: Array, places: Array, colliders: Sequence[Collider], time: float, spacing: float) -> Array:
-    return 0.9 * velocities + 0.1 * collided(velocities, places, colliders, time, spacing)
+def _braked(
+    velocities: Array, places: Array, colliders: Sequence[Collider], time: float, step: float, spacing: float
+) -> Array:
+    return 0.9 * velocities + 0.1 * collided(velocities, places, colliders, time, step, spacing)
 
 
 @mutant("walls-brake", {"speed": r"points beyond \[m\]"})

@@ -104,8 +104,9 @@ def _fill_shape(row: Array, shape: Shape | None, units: Units, table: FieldTable
         row[4] = shape.radius / units.spacing
 
 
-def collider_rows(colliders: tuple[Collider, ...], time: float, units: Units, table: FieldTable) -> Array:
-    """Rows (K, `layout.COLLIDER_WIDTH`) at `time` [s]; a container with flat sides is as many as it has sides."""
+def collider_rows(colliders: tuple[Collider, ...], time: float, step: float, units: Units, table: FieldTable) -> Array:
+    """Rows (K, `layout.COLLIDER_WIDTH`) for a step [s] from `time` [s] on; a container with flat sides is as many as it
+    has sides."""
     walls = [wall for collider in colliders for wall in walls_of(collider)]
     rows = np.zeros((len(walls), at.COLLIDER_WIDTH))
     for row, wall in zip(rows, walls):
@@ -115,7 +116,7 @@ def collider_rows(colliders: tuple[Collider, ...], time: float, units: Units, ta
         row[10] = 1.0 if wall.side is Side.OUTSIDE else -1.0
         if wall.motion is not None:
             row[11] = 1.0
-            _fill_pose(row[12:33], pose_of(wall.motion, time), units)
+            _fill_pose(row[12:34], pose_of(wall.motion, time).during(step), units)
     return rows
 
 
@@ -129,21 +130,22 @@ def wind_rows(winds: Sequence[Wind], step: float, units: Units, table: FieldTabl
     return rows
 
 
-def drive_rows(drives: Sequence[Drive], time: float, units: Units, table: FieldTable) -> Array:
-    """Rows (K, `layout.DRIVE_WIDTH`) of where the drives' regions are at `time` [s] and how they move."""
+def drive_rows(drives: Sequence[Drive], time: float, step: float, units: Units, table: FieldTable) -> Array:
+    """Rows (K, `layout.DRIVE_WIDTH`) of where the drives' regions are at `time` [s] and how they move in a step [s]."""
     rows = np.zeros((len(drives), at.DRIVE_WIDTH))
     for row, drive in zip(rows, drives):
         _fill_shape(row, drive.region, units, table)
         row[14:23] = np.eye(3).reshape(-1)
         if isinstance(drive, Driven):
-            _fill_pose(row[8:29], pose_of_drive(drive, time), units)
+            _fill_pose(row[8:30], pose_of_drive(drive, time).during(step), units)
     return rows
 
 
 def _fill_pose(row: Array, pose: Pose, units: Units) -> None:
-    """Centre, where it is now, transposed rotation (9), velocity, angular velocity."""
+    """Centre, where it is now, transposed rotation (9), velocity, angular velocity, how much goes inward."""
     row[:3] = units.cells(pose.center)
     row[3:6] = units.cells(pose.place)
     row[6:15] = pose.rotation.T.reshape(-1)
     row[15:18] = pose.velocity / units.speed
     row[18:21] = pose.angular_velocity * units.time
+    row[21] = pose.inward / units.time

@@ -41,14 +41,14 @@ EVERYWHERE = 3
 FIELD = 4
 
 # A collider: shape, contact, friction, side, whether it moves; then its centre in the scene, where that is now, its
-# transposed rotation (9), velocity, angular velocity.
+# transposed rotation (9), velocity, angular velocity, and `gasp_core.stepping.rigid_motion.Pose.inward`.
 STICK = 0
 SLIP = 1
 SEPARATE = 2
 COLLIDER_WIDTH = 36
 # A wind: shape, velocity, drag times step.
 WIND_WIDTH = 12
-# A drive: shape, centre at the start, centre now, transposed rotation (9), velocity, angular velocity.
+# A drive: shape, centre at the start, centre now, transposed rotation (9), velocity, angular velocity, `Pose.inward`.
 DRIVE_WIDTH = 32
 
 # A material.

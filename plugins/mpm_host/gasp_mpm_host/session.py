@@ -180,7 +180,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         time = 0.0 if restart is None else _time_of(restart, self._frame, engine)
         self._fields = fields = FieldTable.of(problem, units)
         self._walls_move = any(collider.motion is not None for collider in problem.colliders)
-        self._colliders = collider_rows(problem.colliders, 0.0, units, fields)[None]
+        self._colliders = collider_rows(problem.colliders, 0.0, 0.0, units, fields)[None]
         self._hardening = hardening_of(problem)
         try:
             cloud = build(problem, units, restart, engine)
@@ -262,7 +262,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         begin = self._time
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
-        placed = [drive_rows(drives, begin + index * step, self._units, self._fields) for index in range(count)]
+        placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
         cloud.begin_batch(
             step,
             np.asarray(self._problem.gravity),
@@ -292,7 +292,9 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if not self._walls_move:
             return self._colliders
         times = [begin + index * step for index in range(count)]
-        return np.array([collider_rows(self._problem.colliders, time, self._units, self._fields) for time in times])
+        return np.array(
+            [collider_rows(self._problem.colliders, time, step, self._units, self._fields) for time in times]
+        )
 
     def _sort(self, cloud: SteppedCloud) -> None:
         try:

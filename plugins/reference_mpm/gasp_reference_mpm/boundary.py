@@ -48,7 +48,7 @@ def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time
 
 
 def driven(
-    velocities: Array, positions: Array, drives: Sequence[Drive], time: float, spacing: float
+    velocities: Array, positions: Array, drives: Sequence[Drive], time: float, step: float, spacing: float
 ) -> tuple[Array, Array]:
     """Prescribed velocity in the regions of drives that are active, and a mask (G,) of the nodes that have it.
 
@@ -57,19 +57,21 @@ def driven(
     held = np.zeros(len(positions), dtype=np.bool_)
     for drive in drives_at(drives, time):
         inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= TOUCH * spacing
-        velocities = np.where(inside[:, None], prescribed_velocities(drive, time, positions), velocities)
+        velocities = np.where(inside[:, None], prescribed_velocities(drive, time, step, positions), velocities)
         held |= inside
     return velocities, held
 
 
-def collided(velocities: Array, positions: Array, colliders: Sequence[Collider], time: float, spacing: float) -> Array:
+def collided(
+    velocities: Array, positions: Array, colliders: Sequence[Collider], time: float, step: float, spacing: float
+) -> Array:
     """Contact conditions at nodes on or behind the surface of each collider, in the order given.
 
     A collider that moves is met in its own frame: nodes where they would be there, velocities relative to its own.
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         touching = wall_distances(wall, positions, time) <= TOUCH * spacing
-        normals, own = wall_surface(wall, positions[touching], time)
+        normals, own = wall_surface(wall, positions[touching], time, step)
         velocities = velocities.copy()
         velocities[touching] = own + _after_contact(velocities[touching] - own, normals, wall)
     return velocities
@@ -102,7 +104,7 @@ def kept_out(
     """
     for wall in itertools.chain.from_iterable(map(walls_of, colliders)):
         room = wall_distances(wall, positions, time) - half_widths
-        normals, own = wall_surface(wall, positions, time)
+        normals, own = wall_surface(wall, positions, time, step)
         velocities = own + stopped(velocities - own, normals, room, step, wall.contact, wall.friction)
     return velocities
 

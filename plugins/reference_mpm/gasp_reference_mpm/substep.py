@@ -54,7 +54,7 @@ def substep(
     velocities = grid.momentum / grid.mass[:, None] + step * np.asarray(problem.gravity)
     places = grid.positions + origin
     velocities = blown(velocities, places, problem.force_fields, time, step)
-    velocities, held = driven(velocities, places, problem.drives, time, spacing)
+    velocities, held = driven(velocities, places, problem.drives, time, step, spacing)
     led = None if lead is None else lead.nodes(stencil.fields, grid, time, step)
     if led is not None:
         velocities[led.rows] = led.velocities
@@ -62,7 +62,7 @@ def substep(
     if separation is None:
         separation = looked(stencil, grid, 0.5 * np.cbrt(matter.volumes)[:, None, None] * motion.deformations, spacing)
     velocities, separation = met(problem, stencil, grid, velocities, held, separation, spacing, step)
-    velocities = collided(velocities, places, problem.colliders, time, spacing)
+    velocities = collided(velocities, places, problem.colliders, time, step, spacing)
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         kept = kept_inside(velocities, places, problem.domain, spacing)
         cut = np.linalg.norm(velocities - kept, axis=1) > _HELD * np.linalg.norm(velocities, axis=1)

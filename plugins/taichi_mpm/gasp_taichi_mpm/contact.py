@@ -138,6 +138,14 @@ def _before(forcing: ti.template(), row, place):
 
 
 @ti.func
+def _carried(forcing: ti.template(), begin, arm):
+    """Velocity of what is `arm` from the place of what moves by the velocities from `begin` on."""
+    spin = _triple(forcing, begin + 3)
+    around = spin.cross(arm)
+    return _triple(forcing, begin) + around + forcing[begin + 6] * spin.cross(around)
+
+
+@ti.func
 def _surface(forcing: ti.template(), fields: ti.template(), row, place, before):
     """Of the collider at `row`, at a place: the normal towards where matter may be, and its own velocity."""
     normal = forcing[row + 10] * _normal(forcing, fields, row, before)
@@ -147,7 +155,7 @@ def _surface(forcing: ti.template(), fields: ti.template(), row, place, before):
         for d in ti.static(range(3)):
             back += normal[d] * _triple(forcing, row + 18 + 3 * d)
         normal = back
-        own = _triple(forcing, row + 27) + _triple(forcing, row + 30).cross(place - _triple(forcing, row + 15))
+        own = _carried(forcing, row + 27, place - _triple(forcing, row + 15))
     return normal, own
 
 
@@ -240,7 +248,7 @@ def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.te
         arm = node - _triple(forcing, row + 11)
         back = _turned(forcing, row + 14, arm) + _triple(forcing, row + 8)
         if _distance(forcing, fields, row, back) <= ti.f64(at.TOUCH):
-            u = _triple(forcing, row + 23) + _triple(forcing, row + 26).cross(arm)
+            u = _carried(forcing, row + 23, arm)
             held = True
         row += at.DRIVE_WIDTH
     return u, held

@@ -153,15 +153,21 @@ def _before(s: Acting, row: int, place: wp.vec3d):
 
 
 @wp.func
+def _carried(s: Acting, begin: int, arm: wp.vec3d):
+    """Velocity of what is `arm` from the place of what moves by the velocities from `begin` on."""
+    spin = _triple(s.forcing, begin + 3)
+    around = wp.cross(spin, arm)
+    return _triple(s.forcing, begin) + around + s.forcing[begin + 6] * wp.cross(spin, around)
+
+
+@wp.func
 def _surface(s: Acting, row: int, place: wp.vec3d, before: wp.vec3d):
     """Of the collider at `row`, at a place: the normal towards where matter may be, and its own velocity."""
     normal = s.forcing[row + 10] * _normal(s, row, before)
     own = wp.vec3d()
     if s.forcing[row + 11] > _ZERO:
         normal = _turned_back(s, row + 18, normal)
-        own = _triple(s.forcing, row + 27) + wp.cross(
-            _triple(s.forcing, row + 30), place - _triple(s.forcing, row + 15)
-        )
+        own = _carried(s, row + 27, place - _triple(s.forcing, row + 15))
     return normal, own
 
 
@@ -185,7 +191,7 @@ def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
         row = begin + (drive_set * s.drives + drive) * at.DRIVE_WIDTH
         arm = node - _triple(s.forcing, row + 11)
         if _distance(s, row, _turned(s, row + 14, arm) + _triple(s.forcing, row + 8)) <= _TOUCH:
-            u = _triple(s.forcing, row + 23) + wp.cross(_triple(s.forcing, row + 26), arm)
+            u = _carried(s, row + 23, arm)
             held = 1
     return u, held
 
