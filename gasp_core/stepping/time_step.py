@@ -36,19 +36,23 @@ from gasp_core.contract import (
     PointCloud,
     PointProblem,
     Shape,
+    Side,
     SignedDistanceField,
     Snow,
     SphereShape,
+    Wind,
 )
 from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import GRADIENT_SHARE, LOOK_TRAVEL
 from gasp_core.stepping.rigid_motion import abrupt_times, pose_of
 
 __all__ = [
+    "Gust",
     "MotionLimits",
     "driven_speed",
     "collider_times",
     "event_times",
+    "gust_of",
     "hardening_of",
     "hencky_stiffening",
     "refuse_unstable_substep",
@@ -73,6 +77,29 @@ _GREATEST_EXPONENT = 200.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Gust:
+    """What winds do at a time: their drag in all [1/s], and the fastest of the air [m/s]."""
+
+    drag: float = 0.0
+    speed: float = 0.0
+
+
+def gust_of(force_fields: Sequence[ForceField], time: float) -> Gust:
+    """Of those that blow at a time [s], wherever that is."""
+    winds = [each for each in force_fields if isinstance(each, Wind) and each.start <= time < each.end]
+    return Gust(
+        drag=sum(wind.drag for wind in winds),
+        speed=max((math.hypot(*wind.velocity) for wind in winds if wind.drag > 0), default=0.0),
+    )
+
+
+def _flight(speed: float, acceleration: float, distance: float) -> float:
+    """Time [s] in which |v| t + a t^2 is so much [m]."""
+    rate = speed + math.sqrt(speed**2 + 4 * acceleration * distance)
+    return 2 * distance / rate if rate > 0 else math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionLimits:
     """What bounds the next step.
 
@@ -88,6 +115,8 @@ class MotionLimits:
         Of gravity [m/s^2]: what is at rest now is not so at the end of a long step.
     hardening
         Largest growth of the logarithm of a stiffness per unit of compression (`hardening_of`).
+    gust
+        Of what winds do, `gust_of`.
     """
 
     stress: float
@@ -95,14 +124,19 @@ class MotionLimits:
     velocity_gradient: float
     acceleration: float = 0.0
     hardening: float = 0.0
+    gust: Gust = Gust()
 
     def flight(self, distance: float) -> float:
         """Longest time t [s] in which no point goes further than `distance` [m]: |v| t + a t^2 at most.
 
-        Twice the fall of a t^2 / 2, because a step of symplectic Euler moves with the velocity at its end.
+        Twice the fall of a t^2 / 2, because a step of symplectic Euler moves with the velocity at its end. A wind pulls
+        by no more than its drag times the air's speed relative to matter, and makes nothing faster than the air.
         """
-        rate = self.speed + math.sqrt(self.speed**2 + 4 * self.acceleration * distance)
-        return 2 * distance / rate if rate > 0 else math.inf
+        pull = self.gust.drag * (self.gust.speed + self.speed)
+        return max(
+            _flight(self.speed, self.acceleration + pull, distance),
+            _flight(max(self.speed, self.gust.speed), self.acceleration, distance),
+        )
 
     def lasting(self, distance: float) -> float:
         """How long [s] these limits may be relied on: until a point has gone `distance` [m], or snow has hardened."""
@@ -239,15 +273,26 @@ def driven_speed(drives: Sequence[Drive], time: float, low: Array, high: Array) 
     return speed
 
 
-def wall_speed(colliders: Sequence[Collider], time: float, low: Array, high: Array) -> float:
-    """Bound on the speed [m/s] of colliders at `time` [s] where they may meet matter between corners low and high."""
+def wall_speed(colliders: Sequence[Collider], time: float, low: Array, high: Array, spacing: float) -> float:
+    """Bound on the speed [m/s] of colliders at `time` [s] where they may meet matter between corners low and high.
+
+    One that is farther off than half a cell of `spacing` [m] bounds a step by when it could be there.
+    """
     speed = 0.0
+    corners = np.stack(np.meshgrid(*zip(low, high), indexing="ij"), axis=-1).reshape(-1, 3)
     for collider in colliders:
-        if collider.motion is not None:
-            corners = np.stack(np.meshgrid(*zip(low, high), indexing="ij"), axis=-1).reshape(-1, 3)
-            # Linear in the place, so nowhere between the corners is it faster.
-            velocities = pose_of(collider.motion, time).velocities(corners)
-            speed = max(speed, float(np.linalg.norm(velocities, axis=1).max()))
+        if collider.motion is None:
+            continue
+        pose = pose_of(collider.motion, time)
+        # Linear in the place, so nowhere between the corners is it faster,
+        fastest = float(np.linalg.norm(pose.velocities(corners), axis=1).max())
+        reach = _reach(collider.shape, pose.center) if collider.side is Side.OUTSIDE else math.inf
+        # and no part of it is farther from its place than it reaches.
+        if math.isfinite(reach):
+            fastest = min(fastest, math.hypot(*pose.velocity) + math.hypot(*pose.angular_velocity) * reach)
+        away = np.linalg.norm(np.maximum(np.maximum(low - pose.place, pose.place - high), 0.0))
+        near = _ADVECTION * spacing
+        speed = max(speed, fastest * near / max(near, float(away) - reach))
     return speed
 
 

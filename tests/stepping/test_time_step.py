@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import (
     BoxShape,
+    Collider,
     Driven,
     Elastic,
     EngineAccuracy,
@@ -29,17 +30,22 @@ from gasp_core.contract import (
     PointCloud,
     PointProblem,
     Rigid,
+    RigidMotion,
     Sand,
+    Side,
     Snow,
     SphereShape,
+    SteadyMotion,
     Wind,
 )
 from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import GRADIENT_SHARE, averaged_lame
 from gasp_core.stepping.time_step import (
+    Gust,
     MotionLimits,
     driven_speed,
     event_times,
+    gust_of,
     hardening_of,
     hencky_stiffening,
     refuse_unstable_substep,
@@ -48,6 +54,7 @@ from gasp_core.stepping.time_step import (
     stiffening,
     substep_size,
     substeps_to,
+    wall_speed,
 )
 
 Array = NDArray[Any]
@@ -391,3 +398,49 @@ def test_nothing_a_drive_holds_is_faster_than_the_bound(seed: int) -> None:
     prescribed = np.linalg.norm(velocity + np.cross(spin, held - center), axis=1)
     bound = driven_speed([drive], 0.0, points.min(axis=0), points.max(axis=0))
     assert prescribed.max(initial=0.0) <= bound * (1 + 1e-12)
+
+
+def test_a_wind_pulls_by_its_drag_and_makes_nothing_faster_than_the_air() -> None:
+    winds = [Wind(velocity=(3.0, 0.0, 4.0), drag=2.0, end=1.0), Wind(velocity=(1.0, 0.0, 0.0), drag=1.0, start=0.5)]
+    assert (gust_of(winds, 0.75).drag, gust_of(winds, 0.75).speed) == (3.0, 5.0)
+    assert (gust_of(winds, 0.25).drag, gust_of(winds, 2.0).speed) == (2.0, 1.0)
+    assert gust_of([Wind(velocity=(9.0, 0.0, 0.0), drag=0.0)], 0.0).speed == 0.0
+    still = MotionLimits(stress=1.0, speed=0.0, velocity_gradient=0.0)
+    # A breeze: what it pulls. A blast: the air is as fast as anything gets, for against its own drag nothing is slow.
+    breeze, blast = (replace(still, gust=Gust(drag=drag, speed=30.0)) for drag in (1.0, 1e6))
+    assert breeze.flight(0.025) == pytest.approx(math.sqrt(0.025 / 30.0), rel=1e-12)
+    assert blast.flight(0.025) == pytest.approx(0.025 / 30.0, rel=1e-12)
+
+
+@settings(deadline=None)
+@given(drag=st.floats(0.01, 1e5), air=st.floats(0.01, 100.0), speed=st.floats(-100.0, 100.0))
+def test_nothing_is_blown_farther_than_a_flight(drag: float, air: float, speed: float) -> None:
+    limits = MotionLimits(stress=1.0, speed=abs(speed), velocity_gradient=0.0, gust=Gust(drag=drag, speed=air))
+    step = limits.flight(0.05)
+    # As engines do it, implicitly.
+    blown = (speed + step * drag * air) / (1 + step * drag)
+    assert abs(blown) * step <= 0.05 * (1 + 1e-9)
+
+
+def test_a_collider_is_as_fast_as_it_is_where_it_may_meet_matter() -> None:
+    low, high = np.array([0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0])
+
+    def bound(motion: RigidMotion, **shape: Any) -> float:
+        ball = SphereShape(**({"center": (-30.0, 0.5, 0.5), "radius": 0.1} | shape))
+        return wall_speed([Collider(shape=ball, motion=motion)], 0.0, low, high, 0.05)
+
+    spin = SteadyMotion(angular_velocity=(0.0, 0.0, 20.0), center=(-30.0, 0.5, 0.5))
+    # No part of it goes faster than 2 m/s, and it is 29.9 m off: half a cell in as long as it would take to come.
+    assert bound(spin) == pytest.approx(2.0 * 0.025 / 29.9, rel=1e-9)
+    assert bound(replace(spin, center=(0.0, 0.5, 0.5)), center=(0.0, 0.5, 0.5)) == pytest.approx(2.0, rel=1e-9)
+    comes = SteadyMotion(velocity=(100.0, 0.0, 0.0), center=(-2.1, 0.5, 0.5))
+    assert bound(comes, center=(-2.1, 0.5, 0.5)) == pytest.approx(100.0 * 0.025 / 2.0, rel=1e-9)
+    # What has no end, and what matter is inside of, are everywhere.
+    everywhere = replace(spin, center=(0.0, 0.0, 0.0))
+    wide = [
+        Collider(shape=HalfSpace(point=(0.0, 0.0, -9.0), normal=(0.0, 0.0, 1.0)), motion=everywhere),
+        Collider(shape=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(9.0, 9.0, 9.0)), side=Side.INSIDE, motion=spin),
+    ]
+    assert wall_speed(wide[:1], 0.0, low, high, 0.05) == pytest.approx(20.0 * math.sqrt(2), rel=1e-9)
+    assert wall_speed(wide[1:], 0.0, low, high, 0.05) > 20.0 * 30.0
+    assert wall_speed([Collider(shape=EVERYWHERE)], 0.0, low, high, 0.05) == 0.0

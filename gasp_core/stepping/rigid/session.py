@@ -50,7 +50,7 @@ class RigidSession(SteppedSession[RigidSide]):
     def step_toward(self, landing: float, end: float) -> None:
         """A few equal steps towards `landing`."""
         side = self.held()
-        limits = _limits(side, self._time)
+        limits = _limits(side, self._time, self._spacing)
         allowed = substep_size(limits, self._spacing, self._accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
@@ -86,14 +86,14 @@ class RigidSession(SteppedSession[RigidSide]):
         return {"time": np.array(self._time), **self.held().world.checkpoint()}
 
 
-def _limits(side: RigidSide, time: float) -> MotionLimits:
-    """What bounds a step of rigid bodies alone."""
+def _limits(side: RigidSide, time: float, spacing: float) -> MotionLimits:
+    """What bounds a step of rigid bodies alone, on a grid of `spacing` [m]."""
     places = side.world.state.places
     radius = float(side.world.surfaces.radii.max())
     low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
     return MotionLimits(
         stress=_LONGEST_STEP,
-        speed=max(side.world.fastest, wall_speed(side.problem.colliders, time, low, high)),
+        speed=max(side.world.fastest, wall_speed(side.problem.colliders, time, low, high, spacing)),
         velocity_gradient=0.0,
         acceleration=math.hypot(*side.problem.gravity),
     )

@@ -21,7 +21,15 @@ from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
-from gasp_core.stepping.time_step import MotionLimits, driven_speed, hardening_of, substep_size, substeps_to, wall_speed
+from gasp_core.stepping.time_step import (
+    MotionLimits,
+    driven_speed,
+    gust_of,
+    hardening_of,
+    substep_size,
+    substeps_to,
+    wall_speed,
+)
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
@@ -242,10 +250,11 @@ class MpmSession(SteppedSession[SteppedCloud]):
         self._judge(self._survey, step)
 
     def _limits(self, survey: Survey) -> MotionLimits:
-        felt = _FELT * self._units.spacing
+        spacing = self._units.spacing
+        felt = _FELT * spacing
         low, high = survey.low - felt, survey.high + felt
         driven = driven_speed(self._problem.drives, self._time, low, high)
-        walls = wall_speed(self._problem.colliders, self._time, low, high) if self._walls_move else 0.0
+        walls = wall_speed(self._problem.colliders, self._time, low, high, spacing) if self._walls_move else 0.0
         rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         led = 0.0 if self._led is None else self._led.fastest(self._time)
         return MotionLimits(
@@ -254,6 +263,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             velocity_gradient=survey.velocity_gradient,
             acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
+            gust=gust_of(self._problem.force_fields, self._time),
         )
 
     def _take(self, count: int, step: float, landing: float | None, looks: int) -> None:
