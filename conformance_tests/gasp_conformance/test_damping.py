@@ -3,39 +3,42 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from gasp_conformance import capability_oracles as exact
 from gasp_conformance.checks import Level, check
-from gasp_conformance.damping_cases import plate_comes_to_rest
+from gasp_conformance.damping_cases import column_comes_to_rest, plate_comes_to_rest
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.subject import Need, Subject
-from gasp_core.contract import Elastic, NeoHookean
+from gasp_core.contract import ContactCondition, Elastic, HalfSpace, NeoHookean
 
 RATIO = 0.1
 """Of the critical damping: of the amplitude half is left after a period."""
 
 
 @pytest.mark.parametrize("kind", [Elastic, NeoHookean], ids=lambda kind: kind.kind)
-@pytest.mark.parametrize("damping", ["mass", "stiffness"])
+@pytest.mark.parametrize("damping", ["mass", "stiffness", "volume"])
 @check("material-damping", Level.CAPABILITY)
 def test_matter_is_damped(
     subject: Subject, ledger: Ledger, need: Need, kind: type[Elastic] | type[NeoHookean], damping: str
 ) -> None:
-    """A plate that rings dies away at the rate that Rayleigh's two coefficients say, each by itself."""
+    """A plate that rings dies away at the rate that Rayleigh's two coefficients say, each by itself; and so does what
+    is nearly incompressible and changes its volume alone."""
     can = subject.descriptor.capabilities
     need(can.material_damping, "damped materials")
     need(kind in can.materials, kind.kind)
-    plain = {"density": 700.0, "youngs_modulus": 2.3e4, "poissons_ratio": 0.3}
-    bare = kind(**plain)
-    pulse = 2 * math.pi * exact.lame_frequency(1.0, bare.shear_modulus, bare.density)
-    material = (
-        kind(**plain, mass_damping=2 * RATIO * pulse)
-        if damping == "mass"
-        else kind(**plain, stiffness_damping=2 * RATIO / pulse)
-    )
-    dying = plate_comes_to_rest(subject, material)
+    bare = kind(density=700.0, youngs_modulus=2.3e4, poissons_ratio=0.46 if damping == "volume" else 0.3)
+    if damping == "volume":
+        need(HalfSpace in can.collider_shapes, "planes")
+        need(ContactCondition.SLIP in can.contact_conditions, "smooth walls")
+        pulse = math.pi * math.sqrt((bare.lame_lambda + 2 * bare.shear_modulus) / bare.density)
+        dying = column_comes_to_rest(subject, replace(bare, stiffness_damping=2 * RATIO / pulse))
+    else:
+        pulse = 2 * math.pi * exact.lame_frequency(1.0, bare.shear_modulus, bare.density)
+        by_mass, by_stiffness = (2 * RATIO * pulse, 0.0) if damping == "mass" else (0.0, 2 * RATIO / pulse)
+        dying = plate_comes_to_rest(subject, replace(bare, mass_damping=by_mass, stiffness_damping=by_stiffness))
     ledger.at_most(
         f"{kind.kind}, {damping}", "rate of decay / closed form - 1", dying.error, dying.dispersion + dying.stepping
     )

@@ -60,8 +60,9 @@ def averaged_lame(material: Material) -> float:
         1/2 sum_i (sum_p w_ip V_p sqrt(lambda_p) q_p)^2 / sum_p w_ip V_p,
 
     never above that of the points themselves (Cauchy-Schwarz), so the stable step is what it was, and a lone point
-    feels no difference. After the volume averaging of Zhao, Jiang and Choo 2023, "Circumventing volumetric locking in
-    explicit material point methods", here of the energy rather than of the deformation gradient.
+    feels no difference. Damping that is proportional to stiffness acts on it alike: q + b dq/dt is what is averaged.
+    After the volume averaging of Zhao, Jiang and Choo 2023, "Circumventing volumetric locking in explicit material
+    point methods", here of the energy rather than of the deformation gradient.
 
     What flows at constant volume has no shear stiffness while it does, and so locks at any Poisson's ratio, but little:
     with the excess averaged at a ratio of 0.49 a rod of metal, three cells thick and thrown on a floor, is shortened to

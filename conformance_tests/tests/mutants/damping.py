@@ -31,7 +31,12 @@ class RingsOn(Mutant):
 
 @mutant(
     "damped-by-the-turn",
-    {"material-damping[stiffness-elastic]": "closed form", "material-damping[stiffness-neo-hookean]": "closed form"},
+    {
+        "material-damping[stiffness-elastic]": "closed form",
+        "material-damping[stiffness-neo-hookean]": "closed form",
+        "material-damping[volume-elastic]": "closed form",
+        "material-damping[volume-neo-hookean]": "closed form",
+    },
 )
 class DampedByTheTurn(Mutant):
     """Damping in proportion to stiffness is taken for one of hertz, where it is one of radians a second."""

@@ -12,7 +12,7 @@ MASS = 12
 STRESS = 13
 """Scaled Kirchhoff stress without the part of the mean dilation: xx, yy, zz, xy, xz, yz."""
 DILATION = 19
-"""What is averaged where matter keeps its volume: J - 1 or ln J."""
+"""What is averaged where matter keeps its volume: J - 1 or ln J, and its rate by the damping."""
 HISTORY = 20
 """What matter remembers beside F. Sand: the logarithm of the volume it gained in the projection. Snow: ln J_P. Metal,
 plasticine: equivalent plastic strain. Fluid: J - 1, which keeps the digits that J loses in float32."""
@@ -24,7 +24,7 @@ MEAN_PRESSURE = 30
 HALF_SIDE = 31
 """Of the cube that a point stands for at rest [cells]."""
 POINT_WIDTH = 32
-LAYOUT = 4
+LAYOUT = 5
 """Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""
 
 # One point's row of integers.
@@ -88,7 +88,9 @@ MASS_DAMPING = 18
 """Per unit of time."""
 LOOSEST_STRAIN = 19
 """Of sand: ln J at the tip of its cone."""
-MATERIAL_WIDTH = 20
+STIFFNESS_DAMPING = 20
+"""Of elastic matter, in units of time: with it the rate of the mean dilation acts as the mean dilation does."""
+MATERIAL_WIDTH = 21
 
 KINDS = {
     "elastic": 0,

@@ -93,6 +93,7 @@ def material_table(problem: PointProblem, units: Units) -> Array:
         if isinstance(material, Elastic | NeoHookean):
             damping = material.stiffness_damping / units.time
             row[at.VISCOSITY], row[at.BULK_VISCOSITY] = damping * row[at.SHEAR], damping * row[at.LAME]
+            row[at.STIFFNESS_DAMPING] = damping
             row[at.MASS_DAMPING] = material.mass_damping * units.time
         _write_flow(row, material, math.sqrt(2 / 3) * scale, units.time)
     return table.reshape(-1)

@@ -167,15 +167,18 @@ def kirchhoff_stress(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
 def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
     """The isotropic part of tau (N,) [Pa] that comes from the mean dilation (`stepping.mpm.averaged_lame`)."""
     stiffness, dilation, leverage = (np.zeros(len(matter.masses)) for _ in range(3))
+    spreading = np.trace(motion.velocity_gradients, axis1=1, axis2=2)
     for material, rows in matter.portions:
         stiffness[rows] = math.sqrt(averaged_lame(material))
         match material:
             case Elastic():
                 leverage[rows] = np.linalg.det(motion.deformations[rows])
                 dilation[rows] = leverage[rows] - 1
+                dilation[rows] += material.stiffness_damping * leverage[rows] * spreading[rows]
             case NeoHookean():
                 leverage[rows] = 1.0
                 dilation[rows] = log_volume_ratio(motion.deformations[rows])
+                dilation[rows] += material.stiffness_damping * spreading[rows]
             case Metal() | Plasticine() | Foam():
                 leverage[rows] = 1.0
                 dilation[rows] = logarithmic_strains(motion.deformations[rows]).sum(axis=1)

@@ -277,6 +277,11 @@ def make_response(real: Any, kinds: frozenset[str], *, advance: bool) -> Callabl
                     pull += spread * ti.min(-real(4 * SHOCK_VISCOSITY) * spread, 1 / (3 * dt))
                 for d in ti.static(range(3)):
                     stress[d, d] += pull
+                rate = ti.cast(materials[row + at.STIFFNESS_DAMPING], real) * spread
+                if kind == is_elastic:
+                    # d(J - 1)/dt = J tr L, where d(ln J)/dt = tr L.
+                    rate *= G.determinant()
+                dilation += rate
         if ti.static(has_sand):
             if ti.static(alone) or kind == is_sand:
                 G, new_history, stress = sand(

@@ -11,23 +11,11 @@ from gasp_taichi_mpm.constitutive import make_response
 from gasp_taichi_mpm.contact import kept_out, open_share
 from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
-from gasp_taichi_mpm.transfers import cell_of, has_drifted, make_overwrite
+from gasp_taichi_mpm.transfers import cell_of, columns, has_drifted, make_overwrite
 
 __all__ = ["make_move", "make_strain"]
 
 _node4 = ti.types.vector(4, ti.f64)
-
-
-@ti.func
-def columns(table: ti.template(), row):
-    """(3, 3), of three rows that hold its columns."""
-    return ti.Matrix.cols(
-        [
-            ti.Vector([table[row][0], table[row][1], table[row][2]]),
-            ti.Vector([table[row + 1][0], table[row + 1][1], table[row + 1][2]]),
-            ti.Vector([table[row + 2][0], table[row + 2][1], table[row + 2][2]]),
-        ]
-    )
 
 
 @ti.func

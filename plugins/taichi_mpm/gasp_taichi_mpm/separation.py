@@ -10,10 +10,9 @@ from gasp_mpm_host import layout as at
 
 from gasp_core.stepping.mpm import BETTER_GAP, FOREMOST, TURN_BELOW, TURNS
 from gasp_taichi_mpm import words
-from gasp_taichi_mpm.motion import columns
 from gasp_taichi_mpm.nodes import block_corner
 from gasp_taichi_mpm.runtime import taichi as ti
-from gasp_taichi_mpm.transfers import slopes, weights
+from gasp_taichi_mpm.transfers import columns, slopes, weights
 
 __all__ = ["BEST", "GAP", "NODES", "SCRATCH_WIDTH", "STATE", "corner_of", "kept", "row_of", "separate"]
 

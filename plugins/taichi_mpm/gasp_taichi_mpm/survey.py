@@ -7,9 +7,9 @@ from gasp_mpm_host import layout as at
 
 from gasp_core.stepping.session import CRUSHED_VOLUME
 from gasp_taichi_mpm import words
-from gasp_taichi_mpm.motion import columns
 from gasp_taichi_mpm.nodes import stand_of
 from gasp_taichi_mpm.runtime import taichi as ti
+from gasp_taichi_mpm.transfers import columns
 
 __all__ = ["make_survey"]
 

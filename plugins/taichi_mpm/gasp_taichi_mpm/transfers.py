@@ -21,7 +21,7 @@ from gasp_core.stepping.mpm import GRADIENT_SHARE
 from gasp_taichi_mpm import words
 from gasp_taichi_mpm.runtime import taichi as ti
 
-__all__ = ["make_overwrite", "make_transfers", "numbers4", "slopes", "weights"]
+__all__ = ["columns", "make_overwrite", "make_transfers", "numbers4", "slopes", "weights"]
 
 _node4 = ti.types.vector(4, ti.f64)
 
@@ -39,6 +39,18 @@ def weights(offset):
 def slopes(offset):
     """The weights' derivatives, as `weights`."""
     return ti.Matrix.rows([offset - 1.5, 2.0 - 2.0 * offset, offset - 0.5])
+
+
+@ti.func
+def columns(table: ti.template(), row):
+    """(3, 3), of three rows that hold its columns."""
+    return ti.Matrix.cols(
+        [
+            ti.Vector([table[row][0], table[row][1], table[row][2]]),
+            ti.Vector([table[row + 1][0], table[row + 1][1], table[row + 1][2]]),
+            ti.Vector([table[row + 2][0], table[row + 2][1], table[row + 2][2]]),
+        ]
+    )
 
 
 @ti.func
@@ -173,7 +185,8 @@ def make_transfers(real: Any, *, averaged: bool, flowing: bool, atomic: bool) ->
             pressure *= stiffness * ti.cast(materials[row + at.LIGHTNESS], real)
             if ti.cast(materials[row + at.KIND], ti.i32) == ti.static(at.KINDS["elastic"]):
                 # d(J - 1) = J tr L dt, where d(ln J) = tr L dt.
-                pressure *= 1 + points[p * words.POINT_ROWS + words.DILATION][3]
+                H = columns(points, (p & words.POINT_BITS) * words.POINT_ROWS + words.DISPLACEMENT_GRADIENT)
+                pressure *= (H + ti.Matrix.identity(real, 3)).determinant()
         return pressure
 
     @ti.func

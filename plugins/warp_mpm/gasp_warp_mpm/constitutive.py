@@ -324,6 +324,11 @@ def make_response(double: bool, kinds: frozenset[str], *, advance: bool) -> Any:
                     pull += spread * wp.min(-shock_viscosity * spread, one / (three * dt))
                 for d in range(3):
                     stress[d, d] += pull
+                rate = real(materials[row + at.STIFFNESS_DAMPING]) * spread
+                if kind == is_elastic:
+                    # d(J - 1)/dt = J tr L, where d(ln J)/dt = tr L.
+                    rate *= wp.determinant(F)
+                dilation += rate
         if has_sand:
             if alone or kind == is_sand:
                 G, new_history, stress = sand(

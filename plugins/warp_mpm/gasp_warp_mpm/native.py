@@ -24,7 +24,7 @@ GROUP = 8
 
 _NAMES = (
     *("VELOCITY", "AFFINE", "MASS", "STRESS", "HISTORY", "DISPLACEMENT_GRADIENT", "MEAN_PRESSURE", "POINT_WIDTH"),
-    *("HOME", "LABEL_WIDTH", "SHEAR", "LAME", "VISCOSITY", "BULK_VISCOSITY", "MASS_DAMPING"),
+    *("HOME", "LABEL_WIDTH", "SHEAR", "LAME", "VISCOSITY", "BULK_VISCOSITY", "MASS_DAMPING", "STIFFNESS_DAMPING"),
 )
 
 _PRELUDE = (
@@ -249,12 +249,13 @@ _MOVE = """
     const REAL mu = (REAL)material[SHEAR], lame = (REAL)material[LAME];
     cofactors(G, K);
     const lanes J = G[0] * K[0] + G[1] * K[1] + G[2] * K[2];
-    lanes part[9], diagonal, dilation;
+    lanes part[9], diagonal, dilation, growth;
     flags settled = (flags)-1;
     RESPOND
     // Kelvin's and Voigt's damping, nought where there is none; and what stops shocks.
     const REAL eta = (REAL)material[VISCOSITY];
     const lanes spread = L[0] + L[5] + L[10], pressing = __builtin_elementwise_max(-spread, (lanes)(REAL)0);
+    dilation += (REAL)material[STIFFNESS_DAMPING] * growth * spread;
     diagonal += (REAL)material[BULK_VISCOSITY] * spread
         - pressing * __builtin_elementwise_min(SHOCK * pressing, (lanes)(1 / (3 * step)));
     #define ENTRY(r, c) (part[3*r] * G[3*c] + part[3*r+1] * G[3*c+1] + part[3*r+2] * G[3*c+2] \
@@ -292,7 +293,7 @@ _ELASTIC = """
     }
     settled &= shaped;
     for (int c = 0; c < 9; ++c) part[c] = (2 * mu) * (G[c] - R[c]);
-    dilation = J - 1;
+    dilation = J - 1, growth = J;
     diagonal = lame * J * dilation;
 """
 
@@ -311,7 +312,7 @@ _NEO_HOOKEAN = """
     lanes series = (REAL)1 / (2 * TERMS - 1);
     for (int n = TERMS - 2; n >= 0; --n) series = (REAL)1 / (2 * n + 1) + tt * series;
     const lanes powers = __builtin_convertvector(exponent, lanes);
-    dilation = powers * (REAL)LN2_HIGH + (2 * t * series + powers * (REAL)LN2_LOW);
+    dilation = powers * (REAL)LN2_HIGH + (2 * t * series + powers * (REAL)LN2_LOW), growth = (lanes)(REAL)1;
     for (int c = 0; c < 9; ++c) part[c] = mu * G[c];
     diagonal = lame * dilation - mu;
 """

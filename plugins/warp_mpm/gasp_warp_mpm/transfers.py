@@ -71,6 +71,7 @@ def make_transfers(double: bool, averaged: bool, *, native: bool) -> SimpleNames
     folded, shared = real(1 - GRADIENT_SHARE), real(GRADIENT_SHARE)
     shared_force = real(-GRADIENT_SHARE / 4)
     is_elastic = at.KINDS["elastic"]
+    unit = mat33(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
     # ---- rows -------------------------------------------------------------------------------------------------------
 
@@ -196,7 +197,7 @@ def make_transfers(double: bool, averaged: bool, *, native: bool) -> SimpleNames
             pressure *= stiffness * real(s.materials[row + at.LIGHTNESS])
             if int(s.materials[row + at.KIND]) == is_elastic:
                 # d(J - 1) = J tr L dt, where d(ln J) = tr L dt.
-                pressure *= one + s.points[p * at.POINT_WIDTH + at.DILATION]
+                pressure *= wp.determinant(unit + row9(s.points, p * at.POINT_WIDTH + at.DISPLACEMENT_GRADIENT))
         return pressure
 
     @wp.func
