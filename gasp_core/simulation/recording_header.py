@@ -64,6 +64,7 @@ def header_of(
     notes = [*notes_on_engine]
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name, static=placed.item.static)
+        notes += placed.told_components()
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
