@@ -30,6 +30,7 @@ Examples:
   gasp inspect bust.sog --json | jq .count
   gasp inspect robot/lod-meta.json --level 2       # of a streamed SOG; 0, the finest, is what a scene takes
   gasp inspect plant.splat --height 0.4            # where things are in a scene, e.g. for a pin
+  gasp inspect plant.splat --min-opacity 0.1       # components as an object with min_opacity = 0.1 has them
   gasp inspect statue.sog --solid --height 0.4     # the body inside, and slices of it
 
 \b
@@ -47,6 +48,13 @@ Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or st
 )
 @click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")
 @click.option("--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The file's axis that is up.")
+@click.option(
+    "--min-opacity",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    show_default=True,
+    help="As min_opacity of an object: what is fainter is in no component, and not in what --height and --solid tell.",
+)
 @overwrite_option("a picture of slices")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def inspect(
@@ -56,6 +64,7 @@ def inspect(
     slices: Path | None,
     height: float | None,
     up: Any,
+    min_opacity: float,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -63,9 +72,11 @@ def inspect(
 
     Prints the number of Gaussians, the degree of the spherical harmonics, the extents, percentiles of scale, opacity
     and flatness, everything that may give trouble, and what parts of an object may be named by: connected components,
-    and properties of a .ply that are none of any splat's. With --height, where the object is in a scene that puts it at
-    position = [0, 0, 0], +z up. With --solid, the body that its Gaussians are the surface of: how large, of how many
-    parts, how sure that is, and slices of it in a picture.
+    and properties of a .ply that are none of any splat's. Components are numbered as component = N of a scene counts
+    them, among the Gaussians that are drawn: those that are finite, have an extent, and are as opaque as --min-opacity
+    says. With --height, where the object is in a scene that puts it at position = [0, 0, 0], +z up. With --solid, the
+    body that its Gaussians are the surface of: how large, of how many parts, how sure that is, and slices of it in a
+    picture.
     """
     from gasp_core.io.detect import read
     from gasp_core.io.inspect import summarise
@@ -77,7 +88,7 @@ def inspect(
     gaussians, kind = read(file, level=level)
     summary = summarise(gaussians, path=str(file), kind=kind)
     told, lines = summary.to_json(), [summary.to_text()]
-    told["parts"], text = _for_parts(file, gaussians, kind)
+    told["parts"], text = _for_parts(file, gaussians, kind, min_opacity)
     lines.append(text)
     if height is not None or slices is not None:
         from gasp_core.scene.objects import SplatObject
@@ -89,6 +100,7 @@ def inspect(
             static=True,
             up=up,
             height=height,
+            min_opacity=min_opacity,
             position=None if height is None else (0, 0, 0),
         )
         placed = place_object(item, gaussians)
@@ -109,20 +121,22 @@ def inspect(
         click.echo("\n\n".join(lines))
 
 
-def _for_parts(file: Path, gaussians: Gaussians, kind: str) -> tuple[dict[str, Any], str]:
+def _for_parts(file: Path, gaussians: Gaussians, kind: str, min_opacity: float) -> tuple[dict[str, Any], str]:
     """What parts of an object may be named by: its components, and labels in the file itself."""
     import numpy as np
 
     from gasp_core.io.columns import own_columns
     from gasp_core.scene.floaters import LARGE, components
+    from gasp_core.scene.selection import drawn_rows
 
-    finite = np.isfinite(gaussians.means).all(axis=1)
-    sizes = np.bincount(components(gaussians.means[finite]))[1:].tolist()
+    drawn = drawn_rows(gaussians, min_opacity)
+    sizes = np.bincount(components(gaussians.means[drawn]))[1:].tolist()
     large = [size for size in sizes[:_MOST_SHOWN] if size >= LARGE * sum(sizes)]
     shown = ", ".join(f"{number}: {size:,}" for number, size in enumerate(large, start=1))
-    lines = [
-        f"    components   {shown}{f', and {len(sizes) - len(large):,} smaller' if len(sizes) > len(large) else ''}"
-    ]
+    smaller = f", and {len(sizes) - len(large):,} smaller" if len(sizes) > len(large) else ""
+    left_out = len(gaussians) - len(drawn)
+    among = f"; {left_out:,} Gaussians are not drawn and in none" if left_out else ""
+    lines = [f"    components   {shown or 'none'}{smaller}{among}"]
     properties: dict[str, Any] = {}
     for name, values in own_columns(file).items() if kind.endswith("ply") else ():
         different, counts = np.unique(values, return_counts=True)
@@ -133,7 +147,8 @@ def _for_parts(file: Path, gaussians: Gaussians, kind: str) -> tuple[dict[str, A
             properties[name] = {"different": len(different)}
             shown = f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}, {len(different):,} different"
         lines.append(f"    {name:<12} {shown}")
-    return {"components": sizes, "properties": properties}, "\n".join(["  for parts, Gaussians of each", *lines])
+    told = {"components": sizes, "drawn": len(drawn), "properties": properties}
+    return told, "\n".join(["  for parts, Gaussians of each", *lines])
 
 
 def _in_scene(placed: PlacedObject) -> tuple[dict[str, Any], str]:

@@ -210,11 +210,12 @@ def previewed(scene: Scene) -> Scene:
     accuracy = scene.accuracy
     if accuracy.spacing is not None or accuracy.resolution == "auto" or accuracy.resolution > _PREVIEW_CELLS:
         scene = scene.with_resolution(_PREVIEW_CELLS)
-    return dataclasses.replace(
-        scene,
-        duration=min(scene.duration, _PREVIEW_SECONDS),
-        frame_rate=min(scene.frame_rate, _PREVIEW_RATE),
-    )
+    scene = dataclasses.replace(scene, duration=min(scene.duration, _PREVIEW_SECONDS))
+    coarse = dataclasses.replace(scene, frame_rate=min(scene.frame_rate, _PREVIEW_RATE))
+    if coarse.frame_count == 1:
+        return scene
+    # Of whole frames: what a first look leaves out is nothing that the scene's author has to be told.
+    return dataclasses.replace(coarse, duration=coarse.time_of(coarse.frame_count - 1))
 
 
 def print_outcome(recording: Recording, where: str | None = None) -> None:

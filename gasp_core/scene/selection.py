@@ -18,7 +18,7 @@ from gasp_core.scene.objects import Floaters, SplatObject
 from gasp_core.scene.placed_solid import FEW, PlacedSolid, solid_behind
 from gasp_core.scene.placement import Placement, place, placement_of, up_axis
 
-__all__ = ["PlacedObject", "SetAside", "bounded_by_region", "place_object", "settle"]
+__all__ = ["PlacedObject", "SetAside", "bounded_by_region", "drawn_rows", "place_object", "settle"]
 
 Array = NDArray[Any]
 
@@ -123,6 +123,20 @@ class PlacedObject:
         """For each Gaussian (N,) the part it is in, from 0 on, -1 where it is in none."""
         return part_numbers(self.selected)
 
+    def told_components(self) -> list[str]:
+        """One sentence for each part that is a component: it is numbered among what is drawn, and may be another one
+        than was meant."""
+        found: list[str] = []
+        for index, part in enumerate(self.item.parts):
+            if part.component is not None:
+                own = self.gaussians.means[self.selected[index]]
+                middle = ", ".join(f"{value:.3g}" for value in own.mean(axis=0))
+                found.append(
+                    f'object "{self.item.name}": {part.called(index)} is component {part.component}, of'
+                    f" {len(own):,} Gaussians around ({middle}) m"
+                )
+        return found
+
     def solid(self) -> PlacedSolid:
         """The body that all of it that does not float is the surface of, in the world."""
         kept = self.gaussians.select(~self.floating)
@@ -149,11 +163,8 @@ def settle(item: SplatObject, gaussians: Gaussians) -> PlacedObject:
     SceneError
         Where nothing is left to draw, or parts name what there is not.
     """
-    finite = _finite_rows(gaussians)
-    visible = (gaussians.scales > 0).any(axis=1) & (gaussians.scales >= 0).all(axis=1)
-    opaque = gaussians.opacities >= item.min_opacity
-    drawn = finite & visible & opaque
-    rows = np.flatnonzero(drawn)
+    finite, visible, opaque = _reasons(gaussians, item.min_opacity)
+    rows = np.flatnonzero(finite & visible & opaque)
     if len(rows) == 0:
         raise SceneError(
             f'object "{item.name}": none of its {len(gaussians)} Gaussians is left'
@@ -235,6 +246,18 @@ def bounded_by_region(placed: PlacedObject) -> PlacedObject:
     selected = in_regions(item, placed.selected, placed.gaussians.means, moving)
     checked_fields(item, placed.fields, part_numbers(selected), placed.rows, moving)
     return dataclasses.replace(placed, moving=moving, set_aside=set_aside, selected=selected)
+
+
+def drawn_rows(gaussians: Gaussians, min_opacity: float = 0.0) -> Array:
+    """Rows (D,) of the Gaussians of a file that an object of this `min_opacity` draws, but for floaters it drops."""
+    return np.flatnonzero(np.logical_and.reduce(_reasons(gaussians, min_opacity)))
+
+
+def _reasons(gaussians: Gaussians, min_opacity: float) -> tuple[Array, Array, Array]:
+    """Which (N,) are finite, have an extent and are opaque enough."""
+    scales: Array = gaussians.scales
+    visible = np.logical_and((scales > 0).any(axis=1), (scales >= 0).all(axis=1))
+    return _finite_rows(gaussians), visible, gaussians.opacities >= min_opacity
 
 
 def _finite_rows(gaussians: Gaussians) -> Array:

@@ -186,7 +186,8 @@ def simulate_part(
         _check_supported(without_code(scene), judged, chosen, known, spacing)
     with progress_for(progress, wanted) as shown:
         prepared = _check_supported(scene, judged, chosen, known, spacing)
-        header = header_of(scene, path, prepared, chosen, options, engine_notes(asked, scene, chosen.descriptor))
+        on_engine = engine_notes(asked, scene, chosen.descriptor)
+        header = header_of(scene, whole, path, prepared, chosen, options, on_engine)
         for note in header.notes:
             shown.say(note)
         if found is not None:

@@ -8,10 +8,8 @@ import numpy as np
 
 from gasp_core.contract import (
     Collider,
-    Drive,
     Elastic,
     EngineDescriptor,
-    ForceField,
     NeoHookean,
     PointProblem,
     Side,
@@ -19,10 +17,12 @@ from gasp_core.contract import (
 )
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.assembly import Assembly
+from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import laws_of
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.scene.standing import guess_up
+from gasp_core.simulation.idle_acts import idle_acts
 
 __all__ = ["oddities", "own_contact"]
 
@@ -34,20 +34,25 @@ _LONGEST_COLLIDER = 100.0
 """[m]: a terrain is long, a table in millimetres is longer."""
 _SOFTEST = 1.0
 """Density times gravity times size over Young's modulus, from which on nothing keeps its shape under its own weight."""
+_HAIR = 0.01
+"""Of a frame: less is rounding of who wrote the duration, and nobody misses it."""
 _LEANING = 0.5
 """Cosine of the angle between gravity and down below which it is no tilt any more."""
 
 
-def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[str]:
+def oddities(scene: Scene, objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[str]:
     """A sentence for each.
 
     Parameters
     ----------
+    scene
+        All of it, even where only its first moments are run.
     objects
         All of the scene, placed.
     assembly
         What an engine is given.
     """
+    yield from _of_duration(scene)
     problem = assembly.problem
     gravity = np.asarray(problem.gravity, dtype=np.float64)
     strength = float(np.linalg.norm(gravity))
@@ -58,10 +63,7 @@ def oddities(objects: Sequence[PlacedObject], assembly: Assembly) -> Iterator[st
         yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed, strength))
     for name, collider in zip(assembly.colliders, problem.colliders):
         yield from _of_collider(name, collider, assembly.spacing)
-    for name, drive in zip(assembly.drive_names, problem.drives):
-        yield from _of_region(f"{name} ({drive.kind})", drive, problem)
-    for number, wind in enumerate(problem.force_fields, start=1):
-        yield from _of_region(f"wind {number}", wind, problem)
+    yield from idle_acts(assembly, scene.time_of(scene.frame_count - 1))
 
 
 def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
@@ -72,6 +74,22 @@ def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
         f"objects that touch do what {engine.name} makes of it, for it declares no contact between bodies: what that is"
         " stands under [[contact]] in docs/scene.md, and which engines declare one"
     ]
+
+
+def _of_duration(scene: Scene) -> Iterator[str]:
+    """A sentence where the last frame comes before the end."""
+    last = scene.frame_count - 1
+    rest = scene.duration - scene.time_of(last)
+    if last == 0:
+        yield (
+            f"duration = {scene.duration:g} is less than a frame, which is {1 / scene.frame_rate:g} s at"
+            f" {scene.frame_rate:g} frames a second: nothing is simulated, the start alone is kept"
+        )
+    elif rest * scene.frame_rate > _HAIR:
+        yield (
+            f"duration = {scene.duration:g} is no whole number of frames at {scene.frame_rate:g} a second: the last one"
+            f" is at {scene.time_of(last):g} s, and the {rest:.3g} s after it are left out"
+        )
 
 
 def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]:
@@ -136,14 +154,3 @@ def _densities(placed: PlacedObject) -> Iterator[float]:
             continue
         own = column[placed.moving & (placed.part_numbers == index - 1)]
         yield from (float(own.min()), float(own.max())) if len(own) else ()
-
-
-def _of_region(name: str, acting: Drive | ForceField, problem: PointProblem) -> Iterator[str]:
-    if acting.region is None or acting.start > 0:
-        return
-    distance = float(acting.region.signed_distance(problem.points.reference_positions).min())
-    if distance > 0:
-        yield (
-            f"{name}: its region holds nothing at the start, the nearest matter is {distance:.3g} m off:"
-            " gasp inspect FILE --height shows where things are (world coordinates, metres, +z up)"
-        )

@@ -46,9 +46,16 @@ def _flattening(body: Body) -> str:
 
 
 def header_of(
-    scene: Scene, path: Path, prepared: Prepared, chosen: ChosenEngine, options: Any, notes_on_engine: Sequence[str]
+    scene: Scene,
+    whole: Scene,
+    path: Path,
+    prepared: Prepared,
+    chosen: ChosenEngine,
+    options: Any,
+    notes_on_engine: Sequence[str],
 ) -> Header:
-    """The header of the recording at a path, of a scene that an engine runs with these options."""
+    """The header of the recording at a path, of a scene, part of a `whole` one, that an engine runs with these
+    options."""
     assembly = prepared.assembly
     told = dataclasses.replace(scene, colliders=tuple(known_by_content(one) for one in scene.colliders))
     ends = np.cumsum([0, *(len(placed.gaussians) for placed in prepared.objects)])
@@ -57,10 +64,11 @@ def header_of(
     notes = [*notes_on_engine]
     for placed in prepared.objects:
         notes += placed.set_aside.sentences(placed.item.name, static=placed.item.static)
+        notes += placed.told_components()
     notes += [note for body in assembly.bodies if (note := _flattening(body))]
     notes += [f'object "{body.name}": {note}' for body in assembly.bodies for note in body.notes]
     notes += assembly.notes
-    notes += oddities(prepared.objects, assembly)
+    notes += oddities(whole, prepared.objects, assembly)
     notes += own_contact(assembly.problem, chosen.descriptor)
     inside = starts_inside(assembly.problem, assembly.spacing, assembly.colliders)
     notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]

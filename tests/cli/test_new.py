@@ -102,6 +102,21 @@ def test_a_first_look_is_coarse_short_and_made_anew(gasp, workplace):
     assert Path("scene.preview.mp4").stat().st_size > 1000 and not Path("scene.gasp").exists()
 
 
+def test_a_first_look_is_of_whole_frames(workplace):
+    from gasp_core.cli.run import previewed
+
+    def looked(duration, frame_rate):
+        changes = [f"scene.duration={duration}", f"scene.frame_rate={frame_rate}"]
+        scene = previewed(load_scene("scene.toml", changes))
+        return scene.duration, scene.frame_rate, scene.frame_count
+
+    assert looked(5, 50) == (2.0, 12.5, 26)
+    assert looked(0.5, 50) == (0.48, 12.5, 7)
+    assert looked(1.1, 10) == (1.1, 10, 12)
+    # Shorter than a frame of a first look.
+    assert looked(0.06, 50) == (0.06, 50, 4)
+
+
 def test_a_first_look_has_a_place_of_its_own(gasp, workplace, refused):
     for option in (["--resume"], ["--out", "a.gasp"], ["--dry-run"]):
         refused("run", "scene.toml", "--preview", *option, says=["--preview has a place of its own"])

@@ -29,7 +29,7 @@ from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.floaters import components, floating
 from gasp_core.scene.loading import read_scene, read_stored_scene
 from gasp_core.scene.objects import laws_of
-from gasp_core.scene.selection import place_object
+from gasp_core.scene.selection import drawn_rows, place_object
 
 SOFT = Elastic(density=300, youngs_modulus=1e5, poissons_ratio=0.3)
 STIFF = Elastic(density=900, youngs_modulus=1e7, poissons_ratio=0.2)
@@ -99,6 +99,22 @@ def test_labels_are_those_of_the_file_whatever_is_left_out():
     labels[[0, 3004]] = 1
     found = placed(with_specks, Part(labels=labels, label=1, **PINNED), floaters=Floaters.DROP)
     assert np.flatnonzero(found.part_numbers == 0).tolist() == [0]
+
+
+def test_components_are_numbered_among_what_is_drawn_and_say_where_they_are():
+    splat = blobs(500, 300, 400)
+    # Most of the largest is faint.
+    faint = (np.arange(1200) < 450) | (np.arange(1200) == 1199)
+    splat = splat.with_(opacities=np.where(faint, 0.05, 0.9))
+    for least, found, place in ((0.0, 500, 0.0), (0.1, 399, 8.0)):
+        pot = placed(splat, Part(name="pot", component=1, **PINNED), min_opacity=least, position=None)
+        assert len(drawn_rows(splat, least)) == (1200 if least == 0 else 749)
+        (told,) = pot.told_components()
+        assert told.startswith(f'object "thing": part "pot" is component 1, of {found} Gaussians around (')
+        middle = [float(value) for value in told.partition("around (")[2].rstrip(") m").split(", ")]
+        assert middle == pytest.approx([place, 0, 0], abs=0.1)
+    labels = np.repeat([0, 1], [300, 900])
+    assert not placed(splat, Part(labels=labels, label=1, **PINNED)).told_components()
 
 
 def test_a_region_is_in_the_world():
