@@ -13,7 +13,7 @@ from gasp_core.contract import EngineAccuracy, Field, Impulse, PointState, Statu
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError
-from gasp_core.stepping.time_step import MotionLimits, substep_size, substeps_to, wall_speed
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, substep_size, substeps_to, wall_speed
 
 __all__ = ["RigidSession"]
 
@@ -107,7 +107,11 @@ def _limits(side: RigidSide, time: float, longest: float) -> MotionLimits:
     low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
     return MotionLimits(
         stress=longest,
-        speed=max(side.world.fastest, wall_speed(side.problem.colliders, time, low, high)),
+        speed=max(
+            side.world.fastest,
+            wall_speed(side.problem.colliders, time, low, high),
+            driven_speed(side.problem.drives, time, low, high),
+        ),
         velocity_gradient=0.0,
         acceleration=math.hypot(*side.problem.gravity),
     )

@@ -154,6 +154,41 @@ def test_a_pinned_body_stands_and_a_driven_one_goes_where_it_is_told():
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
+def test_what_comes_into_a_pinned_region_later_stands_still_there_until_the_drive_ends():
+    region = BoxShape(center=(0.0, 0.0, 0.1), half_extents=(0.2, 0.2, 0.1))
+    problem = problem_of([cube()], SIDE, drives=(Pinned(region=region, end=0.6),))
+    fall = problem.points.reference_positions[:, 2].min() - 0.2
+    speed, step = np.sqrt(2 * 9.81 * fall), 5e-4
+    with session_of(problem, substep=step) as session:
+        session.advance_to(0.2)
+        np.testing.assert_allclose(read(session).velocities[:, 2], -9.81 * 0.2, rtol=1e-9)
+        session.advance_to(0.4)
+        state = read(session)
+        # It is held from the step on that begins with a point in the region.
+        assert 0.2 - 1.01 * speed * step <= state.positions[:, 2].min() <= 0.2
+        assert not state.velocities.any()
+        session.advance_to(0.6)
+        np.testing.assert_allclose(read(session).positions, state.positions, atol=1e-12)
+        session.advance_to(0.7)
+        assert read(session).positions[:, 2].min() < 0.2 - 0.04
+
+
+def test_a_driven_region_takes_along_what_it_runs_into():
+    region = BoxShape(center=(-0.5, 0.0, 0.5), half_extents=(0.1, 0.2, 0.2))
+    drive = Driven(region=region, velocity=(2.0, 0.0, 0.0))
+    problem = problem_of([cube()], SIDE, drives=(drive,), gravity=(0, 0, 0))
+    start = problem.points.reference_positions
+    apart = start[:, 0].min() + 0.4
+    step = 5e-4
+    with session_of(problem, substep=step) as session:
+        session.advance_to(0.4)
+        state = read(session)
+    np.testing.assert_allclose(state.velocities, np.tile([2.0, 0.0, 0.0], (len(start), 1)), atol=1e-12)
+    # Within a step of when the region's face is where its nearest points are.
+    gone = (state.positions - start)[:, 0]
+    assert 0.8 - apart - 2.0 * step <= gone.min() <= gone.max() <= 0.8 - apart + 1e-12
+
+
 def test_an_impulse_gives_what_it_says_and_turns_what_it_strikes_aside():
     points = cube()
     corner = BoxShape(center=(0.0, 0.04, 0.5), half_extents=(0.1, 0.02, 0.1))
