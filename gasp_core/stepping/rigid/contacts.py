@@ -151,12 +151,16 @@ def _with_wall(seen: _Seen, body: int, wall: Collider, time: float, step: float,
         return _none()
     outward, own = wall_surface(wall, places[near], time)
     across = _across(-outward, normals[near])
-    ways, _ = seen.ways(body, near, across)
+    ways, within = seen.ways(body, near, across)
+    flat = seen.bends(body, near) > _FLAT * reaches[near]
     foremost = seen.onto(body, places[near] + ways[:, None] * across)
     gaps = wall_distances(wall, foremost, time)
     outward, own = wall_surface(wall, foremost, time)
     way = step * (speed + float(np.linalg.norm(own, axis=1).max()))
-    kept = gaps < _NEAR * reaches[near] + way
+    # What is beyond the reach of a sample is within that of another one. Of what rolls it is the part that comes down
+    # next: it is turned out of the way before it touches, which a step that goes straight on does not know.
+    known = flat | within | (gaps < -_SLACK * reaches[near])
+    kept = (gaps < _NEAR * reaches[near] + way) & known
     return _made(
         body,
         NO_BODY,

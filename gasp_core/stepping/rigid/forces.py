@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Driven, PointProblem, Wind
+from gasp_core.contract import Drive, Driven, PointProblem, Wind
 from gasp_core.stepping.forcing import drives_at, force_fields_at, pose_of_drive, position_at_start
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of
 
@@ -32,17 +32,20 @@ def wind_momenta(problem: PointProblem, bodies: RigidBodies, state: RigidState, 
 
 
 class Holds:
-    """Which bodies drives hold: those of which a point is in a drive's region when it first acts.
+    """Which bodies drives hold: those of which a point is in a drive's region, or was since the drive acts.
 
     Attributes
     ----------
     kept : (D, B)
-        Of every drive and body: 1 where it holds it, 0 where not, -1 where the drive has not acted yet.
+        Of every drive and body: 1 where it holds it, 0 where not.
     """
 
     def __init__(self, problem: PointProblem, bodies: RigidBodies) -> None:
         self._problem, self._bodies = problem, bodies
-        self.kept: Array = np.full((len(problem.drives), len(bodies)), -1.0)
+        self.kept: Array = np.zeros((len(problem.drives), len(bodies)))
+        arms = np.linalg.norm(bodies.arms, axis=1)
+        self._radii = np.zeros(len(bodies))
+        np.maximum.at(self._radii, bodies.owners, arms)
 
     def at(self, state: RigidState, time: float) -> tuple[list[int], Array]:
         """Those held at `time` [s], and velocities (B, 6) that they have; of several drives the last one counts."""
@@ -51,10 +54,7 @@ class Holds:
         for number, drive in enumerate(self._problem.drives):
             if not drives_at([drive], time):
                 continue
-            if (self.kept[number] < 0).any():
-                positions = state.positions(self._bodies)
-                inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= 0
-                self.kept[number] = np.bincount(self._bodies.owners[inside], minlength=len(self._bodies)) > 0
+            self.kept[number, self._inside(drive, state, time)] = 1.0
             for body in np.flatnonzero(self.kept[number] > 0).tolist():
                 held.add(body)
                 prescribed[body] = 0.0
@@ -63,3 +63,16 @@ class Holds:
                     prescribed[body, :3] = pose.velocities(state.places[body][None])[0]
                     prescribed[body, 3:] = pose.angular_velocity
         return sorted(held), prescribed
+
+    def _inside(self, drive: Drive, state: RigidState, time: float) -> Array:
+        """Which bodies (B,) of bool have a point in a drive's region."""
+        bodies = self._bodies
+        depths = drive.region.signed_distance(position_at_start(drive, time, state.places))
+        inside = np.zeros(len(bodies), dtype=np.bool_)
+        # This is asked in every step: of bodies out of reach no point is looked at. Fields know distances roughly only.
+        close = depths <= 2 * self._radii
+        if close.any():
+            near = close[bodies.owners]
+            positions = position_at_start(drive, time, state.positions(bodies)[near])
+            inside[bodies.owners[near][drive.region.signed_distance(positions) <= 0]] = True
+        return inside

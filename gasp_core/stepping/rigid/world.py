@@ -20,11 +20,12 @@ from gasp_core.contract import (
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import walls_of
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of, moved, poses_of
-from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, contacts_of
+from gasp_core.stepping.rigid.contacts import CONDITIONS, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of, unit
+from gasp_core.stepping.rigid.targets import bounce_shares, targets_of
 from gasp_core.stepping.rigid_motion import Pose
 from gasp_core.stepping.walls import stopped
 
@@ -156,14 +157,17 @@ class RigidWorld:
         inertias = np.zeros((count, 6, 6))
         inertias[:, [0, 1, 2], [0, 1, 2]] = bodies.masses[:, None]
         inertias[:, 3:, 3:] = np.einsum("bij,bj,bkj->bik", rotations, bodies.moments, rotations)
-        momenta = np.concatenate([bodies.masses[:, None] * state.velocities, state.spins], axis=1) + self._owed
+        carried = np.concatenate([bodies.masses[:, None] * state.velocities, state.spins], axis=1)
+        momenta = carried + self._owed
         self._owed = np.zeros_like(self._owed)
         momenta[:, :3] += step * bodies.masses[:, None] * np.asarray(self._problem.gravity)
         momenta += wind_momenta(self._problem, bodies, state, time, step)
         held, prescribed = self._holds.at(state, time)
         for body in held:
-            inertias[body], momenta[body] = np.eye(6), prescribed[body]
-        velocities = np.linalg.solve(inertias, momenta[..., None])[..., 0]
+            inertias[body] = np.eye(6)
+            momenta[body] = carried[body] = prescribed[body]
+        both = np.linalg.solve(inertias, np.stack([carried, momenta], axis=-1))
+        before, velocities = both[..., 0], both[..., 1]
         contacts = contacts_of(
             self._problem,
             self._walls,
@@ -174,7 +178,7 @@ class RigidWorld:
             time,
             step,
         )
-        velocities, after = self._met(contacts, nodes, inertias, momenta, velocities, held, step)
+        velocities, after = self._met(contacts, nodes, inertias, momenta, before, velocities, held, step)
         spins = np.einsum("bij,bj->bi", inertias[:, 3:, 3:], velocities[:, 3:])
         for body in held:
             spins[body] = rotations[body] @ (bodies.moments[body] * (velocities[body, 3:] @ rotations[body]))
@@ -203,15 +207,19 @@ class RigidWorld:
         nodes: GridNodes,
         own_inertias: Array,
         own_momenta: Array,
+        start: Array,
         velocities: Array,
         held: Sequence[int],
         step: float,
     ) -> tuple[Array, Array]:
-        """Velocities (B, 6) of bodies and (K, 3) [m/s] of nodes after contact."""
+        """Velocities (B, 6) of bodies and (K, 3) [m/s] of nodes after contact.
+
+        `start` has those when the step began, `velocities` those with what has acted since.
+        """
         gravity, centers = float(np.linalg.norm(self._problem.gravity)), self.state.places
         tolerance = _TOLERANCE * step * max(gravity, 1e-3)
-        frames, offsets, targets = _directions(contacts, velocities, centers, step, _RESTING * step * gravity)
-        impulses = np.zeros((len(contacts), 3))
+        targets = targets_of(contacts, start, velocities, centers, step, _RESTING * step * gravity)
+        stopping, bouncing = np.zeros((len(contacts), 3)), np.zeros((len(contacts), 3))
         conditions = self._conditions[nodes.others, nodes.rigid]
         frictions = self._frictions[nodes.others, nodes.rigid]
         apart = np.where(nodes.gaps <= nodes.held_together, 0.0, np.inf)
@@ -228,9 +236,15 @@ class RigidWorld:
             found = np.einsum("bij,bj->bi", inverses, momenta)
             for body in held:
                 inverses[body], found[body] = 0.0, velocities[body]
-            at = (contacts.first, contacts.second, contacts.places, frames, offsets, targets)
+            at = (contacts.first, contacts.second, contacts.places, targets.frames, targets.offsets)
             ways = (contacts.conditions, contacts.frictions)
-            solve(inverses, found, centers, *at, *ways, impulses, tolerance, _SWEEPS)
+            faster = found.copy()
+            solve(inverses, found, centers, *at, targets.stopped, *ways, stopping, tolerance, _SWEEPS)
+            if targets.bounce:
+                solve(inverses, faster, centers, *at, targets.bounced, *ways, bouncing, tolerance, _SWEEPS)
+                both, pushes = (found, faster), (stopping, bouncing)
+                shares = bounce_shares(contacts, targets.frames, centers, held, start, both, pushes)
+                found += shares[:, None] * (faster - found)
             if np.abs(found - before).max() * max(1.0, float(self.surfaces.radii.max())) <= tolerance:
                 break
         after = nodes.velocities.copy()
@@ -281,36 +295,3 @@ def _edges(lower: tuple[float, float, float], upper: tuple[float, float, float])
             normal = tuple(sign * np.eye(3)[axis])
             found.append(Collider(shape=HalfSpace(point=point, normal=normal), contact=ContactCondition.SEPARATE))
     return found
-
-
-def _directions(
-    contacts: Contacts, velocities: Array, centers: Array, step: float, resting: float
-) -> tuple[Array, Array, Array]:
-    """Frames (C, 3, 3) of contacts, what the walls have along them (C, 3) [m/s], and the targets (C,) [m/s].
-
-    An open gap may close within the step, but no further. What comes faster than `resting` [m/s] and would touch within
-    it leaves with its restitution's share of that.
-    """
-    closing = _at(velocities, centers, contacts.first, contacts.places) - contacts.velocities
-    bodies = contacts.second != NO_BODY
-    closing[bodies] -= _at(velocities, centers, contacts.second[bodies], contacts.places[bodies])
-    normals = contacts.normals
-    across = closing - np.sum(closing * normals, axis=1, keepdims=True) * normals
-    # Across it first along what slides: the second direction then has little to do.
-    aside = np.eye(3)[np.abs(normals).argmin(axis=1)] if len(normals) else np.zeros((0, 3))
-    slow = np.linalg.norm(across, axis=1) < 1e-9
-    across[slow] = np.cross(normals[slow], aside[slow])
-    across = unit(across)
-    frames = np.stack([normals, across, np.cross(normals, across)], axis=1)
-    offsets = np.einsum("cij,cj->ci", frames, contacts.velocities)
-    approach = -np.sum(closing * normals, axis=1)
-    room = np.maximum(contacts.gaps, 0.0) / step
-    bouncing = (approach > resting) & (approach >= room) & (contacts.restitutions > 0)
-    targets = np.where(bouncing, contacts.restitutions * approach, -room)
-    return frames, offsets, np.where(contacts.conditions == _PARTING, targets, 0.0)
-
-
-def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:
-    """Velocities (C, 3) [m/s] of what bodies (C,) have at places (C, 3) [m]."""
-    own = velocities[bodies]
-    return own[:, :3] + np.cross(own[:, 3:], places - centers[bodies])
