@@ -47,8 +47,9 @@ class Holds:
         self._radii = np.zeros(len(bodies))
         np.maximum.at(self._radii, bodies.owners, arms)
 
-    def at(self, state: RigidState, time: float) -> tuple[list[int], Array]:
-        """Those held at `time` [s], and velocities (B, 6) that they have; of several drives the last one counts."""
+    def at(self, state: RigidState, time: float, step: float) -> tuple[list[int], Array]:
+        """Those held at `time` [s], and velocities (B, 6) that they have for a `step` [s]; of several drives the last
+        one counts."""
         prescribed = np.zeros((len(self._bodies), 6))
         held: set[int] = set()
         for number, drive in enumerate(self._problem.drives):
@@ -60,7 +61,8 @@ class Holds:
                 prescribed[body] = 0.0
                 if isinstance(drive, Driven):
                     pose = pose_of_drive(drive, time)
-                    prescribed[body, :3] = pose.velocities(state.places[body][None])[0]
+                    # A centre goes along its chord; turns are exact as they are.
+                    prescribed[body, :3] = pose.during(step).velocities(state.places[body][None])[0]
                     prescribed[body, 3:] = pose.angular_velocity
         return sorted(held), prescribed
 

@@ -162,7 +162,7 @@ class RigidWorld:
         self._owed = np.zeros_like(self._owed)
         momenta[:, :3] += step * bodies.masses[:, None] * np.asarray(self._problem.gravity)
         momenta += wind_momenta(self._problem, bodies, state, time, step)
-        held, prescribed = self._holds.at(state, time)
+        held, prescribed = self._holds.at(state, time, step)
         for body in held:
             inertias[body] = np.eye(6)
             momenta[body] = carried[body] = prescribed[body]
