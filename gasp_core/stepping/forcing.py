@@ -25,6 +25,7 @@ from gasp_core.contract import (
 from gasp_core.stepping.rigid_motion import Pose, pose_of, rotation_matrix
 
 __all__ = [
+    "bodies_held",
     "drives_at",
     "force_fields_at",
     "pose_of_drive",
@@ -64,6 +65,32 @@ def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
     The region of a drive moves with it: a place is in it where the place it came from is in `drive.region`.
     """
     return pose_of_drive(drive, time).before(positions) if isinstance(drive, Driven) else positions
+
+
+def bodies_held(
+    drives: Sequence[Drive], time: float, positions: Array, bodies: Array, count: int, spacing: float
+) -> Array:
+    """Which of `count` bodies have matter in the region of each drive at a time [s], (K, count) of bool.
+
+    What lies against a region is not held by it, though nodes that it speaks to are inside: a block that glides on
+    one that is pinned glides on. So a body counts that has a point a third of a cell deep in the region, which is more
+    than contact leaves, or half as deep as any other. Where there is one body it is held by whatever a drive finds.
+
+    Parameters
+    ----------
+    positions : (N, 3) [m]
+    bodies : (N,)
+        Whose they are.
+    spacing
+        Of the grid [m].
+    """
+    found = np.ones((len(drives), count), dtype=np.bool_)
+    if count > 1:
+        for row, drive in enumerate(drives):
+            depths = np.zeros(count)
+            np.maximum.at(depths, bodies, -drive.region.signed_distance(position_at_start(drive, time, positions)))
+            found[row] = (depths > 0) & (depths >= min(spacing / 3, 0.5 * depths.max()))
+    return found
 
 
 def prescribed_velocities(drive: Drive, time: float, step: float, positions: Array) -> Array:

@@ -23,6 +23,7 @@ from gasp_core.contract import (
     Wind,
 )
 from gasp_core.stepping.forcing import (
+    bodies_held,
     drives_at,
     force_fields_at,
     position_at_start,
@@ -121,3 +122,21 @@ def test_a_fingerprint_knows_all_of_a_problem_but_its_hints():
         {"colliders": (Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))),)},
     ):
         assert problem_fingerprint(dataclasses.replace(problem, **changed)) != own
+
+
+def test_a_drive_holds_bodies_that_are_in_its_region_and_none_that_lie_against_it():
+    region = Pinned(region=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(1.0, 1.0, 0.1)))
+    heights = np.array([-0.05, 0.05, 0.099, 0.3, 0.2, 0.4])
+    bodies = np.array([0, 0, 1, 1, 2, 2])
+    positions = np.stack([np.zeros(6), np.zeros(6), heights], axis=1)
+    # Half of the cell that is a tenth: the first is deep in it, the second less than contact leaves, the third beside.
+    assert bodies_held([region], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, False, False]]
+    positions[2, 2] = 0.06
+    assert bodies_held([region], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, True, False]]
+    # In a thin region nothing is deep: half as deep as what is deepest will do, and nothing is nothing.
+    thin = Pinned(region=BoxShape(center=(0.0, 0.0, 0.05), half_extents=(1.0, 1.0, 0.012)))
+    positions[2, 2] = 0.0618
+    assert bodies_held([thin], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, False, False]]
+    away = Pinned(region=BoxShape(center=(9.0, 0.0, 0.0), half_extents=(1.0, 1.0, 0.1)))
+    assert not bodies_held([away], 0.0, positions, bodies, 3, 0.1).any()
+    assert bodies_held([away], 0.0, positions, np.zeros(6, dtype=int), 1, 0.1).all()

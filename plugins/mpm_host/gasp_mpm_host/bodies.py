@@ -135,6 +135,9 @@ class Meetings:
         Rows of the points that may reach a member's nodes, until the next sort.
     near_begins : (M + 1,) int32
         Where those of each member begin, and the end.
+    apart_bodies : (A,) int32
+        Whose the blocks `apart` are.
+    member_bodies : (M,) int32
     """
 
     apart: Array
@@ -145,6 +148,8 @@ class Meetings:
     pair_begins: Array
     near: Array
     near_begins: Array
+    apart_bodies: Array
+    member_bodies: Array
 
 
 def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array, tables: CellTables) -> Meetings:
@@ -161,8 +166,10 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     _, which, crowd = np.unique(place, axis=0, return_inverse=True, return_counts=True)
     which = which.reshape(-1)
     shared = crowd[which] > 1
+    # What nothing but tracers reads is nobody's.
+    owner = np.maximum(owner, 0)
     if not shared.any():
-        return alone(active)
+        return alone(active, owner[active])
     members, which = reached[shared], which[shared]
     order = np.lexsort((owner[members], which))
     members, which = members[order], which[order]
@@ -185,9 +192,12 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     near = np.repeat(begins[reaching[:, 1]], own) + into
     totals = np.zeros(len(members) + 1, dtype=np.int64)
     np.add.at(totals, reaching[:, 0] + 1, own)
+    apart = active[~np.isin(active, members)]
     return Meetings(
-        apart=active[~np.isin(active, members)],
+        apart=apart,
+        apart_bodies=owner[apart],
         members=members.astype(np.int32),
+        member_bodies=owner[members],
         places=np.append(starts, len(members)).astype(np.int32),
         pairs=np.array(
             [(*pair, _CONDITIONS[contact.contact]) for pair, contact in zip(pairs, contacts)], dtype=np.int32
@@ -199,13 +209,15 @@ def meetings(problem: PointProblem, bodies: Array, stands: Array, active: Array,
     )
 
 
-def alone(active: Array) -> Meetings:
-    """Where nobody meets anybody in the blocks `active` (A,)."""
+def alone(active: Array, bodies: Array) -> Meetings:
+    """Where nobody meets anybody in the blocks `active` (A,), which are of `bodies` (A,)."""
     none = np.zeros(0, dtype=np.int32)
     begin = np.zeros(1, dtype=np.int32)
     return Meetings(
         apart=active,
+        apart_bodies=bodies.astype(np.int32),
         members=none,
+        member_bodies=none,
         places=begin,
         pairs=none.reshape(0, 3),
         friction=np.zeros(0),

@@ -251,7 +251,7 @@ class SortedCloud(ABC):
         self._load_tracers(rows)
         self._tracer_ids = rows.ids
         if len(self._stands) == 1:
-            met = alone(woken.active)
+            met = alone(woken.active, np.zeros(len(woken.active)))
         else:
             met = meetings(self._problem, self._bodies[self._ids], self._stands, woken.active, found)
         self._set_active(woken, found, met)

@@ -28,7 +28,7 @@ from gasp_core.stepping.rigid_motion import Pose, pose_of
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["FieldTable", "collider_rows", "drive_rows", "wind_rows"]
+__all__ = ["FieldTable", "Forcing", "collider_rows", "drive_rows", "wind_rows"]
 
 Array = NDArray[Any]
 
@@ -79,6 +79,47 @@ class FieldTable:
     def begin_of(self, field: SignedDistanceField) -> int:
         """Where a field begins."""
         return next(begin for known, begin in zip(self.fields, self.begins) if known is field)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forcing:
+    """What acts during a batch of steps.
+
+    Parameters
+    ----------
+    colliders : (sets, K, `layout.COLLIDER_WIDTH`)
+        A set for every step, or one for all of them.
+    winds : (K, `layout.WIND_WIDTH`)
+    drives : (steps, K, `layout.DRIVE_WIDTH`)
+    holding : (K, B)
+        1 where a drive holds a body, else 0.
+    """
+
+    colliders: Array
+    winds: Array
+    drives: Array
+    holding: Array
+
+    @classmethod
+    def none(cls, steps: int, bodies: int = 1) -> Self:
+        """Where nothing acts."""
+        return cls(
+            colliders=np.zeros((1, 0, at.COLLIDER_WIDTH)),
+            winds=np.zeros((0, at.WIND_WIDTH)),
+            drives=np.zeros((steps, 0, at.DRIVE_WIDTH)),
+            holding=np.zeros((0, bodies)),
+        )
+
+    @property
+    def holding_begin(self) -> int:
+        """Where `holding` begins in `numbers`."""
+        return self.colliders.size + self.winds.size + self.drives.size
+
+    @property
+    def numbers(self) -> Array:
+        """All of it in this order, and one number more: arguments of kernels must not be empty."""
+        parts = (self.colliders, self.winds, self.drives, self.holding)
+        return np.concatenate([*(part.reshape(-1) for part in parts), np.zeros(1)])
 
 
 def _fill_shape(row: Array, shape: Shape | None, units: Units, table: FieldTable) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status, Wind
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
-from gasp_core.stepping.forcing import drives_at, force_fields_at
+from gasp_core.stepping.forcing import bodies_held, drives_at, force_fields_at
 from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
@@ -32,7 +32,7 @@ from gasp_core.stepping.time_step import (
 )
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
-from gasp_mpm_host.forcing_tables import FieldTable, collider_rows, drive_rows, wind_rows
+from gasp_mpm_host.forcing_tables import FieldTable, Forcing, collider_rows, drive_rows, wind_rows
 from gasp_mpm_host.led_steps import LedSteps
 from gasp_mpm_host.rigid_steps import RigidSteps
 from gasp_mpm_host.rows import Survey
@@ -76,12 +76,8 @@ class SteppedCloud(Protocol):
         """Set the distance fields (M,) that rows of what acts name, see `forcing_tables.FieldTable`."""
         ...
 
-    def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
-    ) -> None:
-        """Set what acts during the next steps of `step` [s].
-
-        `drives` holds (steps, K, width) rows, `colliders` as many sets as steps or one for all of them.
+    def begin_batch(self, step: float, gravity: Array, forcing: Forcing, looks: int = 1) -> None:
+        """Set what acts during the next steps of `step` [s] each, besides gravity (3,) [m/s^2].
 
         At the first and then every `looks` steps it is looked how far apart bodies are.
         """
@@ -210,7 +206,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if rigid is not None:
             interventions.append(RigidSteps(staged, rigid))
         self._interrupted = InterruptedSteps(staged, interventions) if interventions else None
-        self._several = bool(problem.points.body_ids.any())
+        self._bodies = int(problem.points.body_ids.max()) + 1
+        self._several = self._bodies > 1
         self._clamped = False
         self._inverted = 0
 
@@ -273,14 +270,16 @@ class MpmSession(SteppedSession[SteppedCloud]):
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
         placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
-        cloud.begin_batch(
-            step,
-            np.asarray(self._problem.gravity),
-            self._walls(begin, step, count),
-            wind_rows(winds, step, self._units, self._fields),
-            np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
-            looks,
+        bodies = self._problem.points.body_ids
+        # Asked for only where it matters: positions may be on another device.
+        positions = cloud.positions() if drives and self._bodies > 1 else np.zeros((len(bodies), 3))
+        forcing = Forcing(
+            colliders=self._walls(begin, step, count),
+            winds=wind_rows(winds, step, self._units, self._fields),
+            drives=np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
+            holding=bodies_held(drives, begin, positions, bodies, self._bodies, self._units.spacing),
         )
+        cloud.begin_batch(step, np.asarray(self._problem.gravity), forcing, looks)
         stepper = cloud
         if self._interrupted is not None:
             self._interrupted.begin_batch(begin, step, count)

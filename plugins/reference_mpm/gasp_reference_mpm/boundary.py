@@ -48,15 +48,24 @@ def blown(velocities: Array, positions: Array, winds: Sequence[ForceField], time
 
 
 def driven(
-    velocities: Array, positions: Array, drives: Sequence[Drive], time: float, step: float, spacing: float
+    velocities: Array,
+    positions: Array,
+    bodies: Array,
+    drives: Sequence[Drive],
+    holding: Array,
+    time: float,
+    step: float,
+    spacing: float,
 ) -> tuple[Array, Array]:
     """Prescribed velocity in the regions of drives that are active, and a mask (G,) of the nodes that have it.
 
-    The regions have moved with their drive.
+    The regions have moved with their drive. Nodes are those of `bodies` (G,), of which each of the drives at this time
+    holds some, `holding` (K, B).
     """
     held = np.zeros(len(positions), dtype=np.bool_)
-    for drive in drives_at(drives, time):
+    for drive, own in zip(drives_at(drives, time), holding):
         inside = drive.region.signed_distance(position_at_start(drive, time, positions)) <= TOUCH * spacing
+        inside &= own[bodies]
         velocities = np.where(inside[:, None], prescribed_velocities(drive, time, step, positions), velocities)
         held |= inside
     return velocities, held

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
+from gasp_core.stepping.forcing import bodies_held, drives_at
 from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.side import RigidSide
@@ -142,6 +143,9 @@ class ReferenceSession(SteppedSession[Motion]):
         start = self._time
         looks = limits.steps_between_looks(self._spacing, step)
         separation = None
+        drives = drives_at(self._problem.drives, start)
+        places, bodies = motion.positions + self._origin, self._problem.points.body_ids
+        holding = bodies_held(drives, start, places, bodies, int(bodies.max()) + 1, self._spacing)
         lead = None if self._led is None else Lead.during(self._led, start, start + taking * step)
         for index in range(taking):
             now = start + index * step
@@ -152,6 +156,7 @@ class ReferenceSession(SteppedSession[Motion]):
                     self._matter,
                     motion,
                     None if index % looks == 0 else separation,
+                    holding,
                     self._origin,
                     self._spacing,
                     now,

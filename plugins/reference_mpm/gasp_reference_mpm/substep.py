@@ -31,6 +31,7 @@ def substep(
     matter: Matter,
     motion: Motion,
     separation: Separation | None,
+    holding: Array,
     origin: Array,
     spacing: float,
     time: float,
@@ -41,7 +42,8 @@ def substep(
     """The motion `step` [s] after `time` [s], how far bodies are then apart, and a mask (N,) of the points that the
     domain's edge held back.
 
-    Without a separation it is looked how far apart the bodies are. Rigid bodies take the step as well, and points that
+    Without a separation it is looked how far apart the bodies are. Of the drives at this time each holds some of them,
+    `holding` (K, B). Rigid bodies take the step as well, and points that
     are led are where they are led to.
 
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
@@ -54,7 +56,8 @@ def substep(
     velocities = grid.momentum / grid.mass[:, None] + step * np.asarray(problem.gravity)
     places = grid.positions + origin
     velocities = blown(velocities, places, problem.force_fields, time, step)
-    velocities, held = driven(velocities, places, problem.drives, time, step, spacing)
+    owners = stencil.fields.bodies_of(grid.nodes)
+    velocities, held = driven(velocities, places, owners, problem.drives, holding, time, step, spacing)
     led = None if lead is None else lead.nodes(stencil.fields, grid, time, step)
     if led is not None:
         velocities[led.rows] = led.velocities

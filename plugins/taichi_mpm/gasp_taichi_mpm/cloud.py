@@ -10,6 +10,7 @@ from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings
 from gasp_mpm_host.cells import COLOURS, CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES, SortedCloud
+from gasp_mpm_host.forcing_tables import Forcing
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
 from gasp_mpm_host.stages import Stage
@@ -82,8 +83,7 @@ class Cloud(SortedCloud):
         self._begin(problem, restart, engine)
 
     def _seed(self) -> None:
-        nothing = np.zeros((0, 0))
-        self.begin_batch(0.0, np.zeros(3), nothing[None], nothing, np.zeros((SEEDING_PASSES, 0, 0)), 1)
+        self.begin_batch(0.0, np.zeros(3), Forcing.none(SEEDING_PASSES))
         self._control[words.SEEDING] = 1
         self.steps(0, SEEDING_PASSES)
         self._control[words.SEEDING] = 0
@@ -182,6 +182,8 @@ class Cloud(SortedCloud):
             words.PAIR_BEGINS_AT: met.pair_begins,
             words.NEAR_AT: met.near,
             words.NEAR_BEGINS_AT: met.near_begins,
+            words.APART_BODIES_AT: met.apart_bodies,
+            words.MEMBER_BODIES_AT: met.member_bodies,
         }
         begin = 0
         for word, table in tables.items():
@@ -220,12 +222,8 @@ class Cloud(SortedCloud):
         """Set the distance fields (M,) that rows of what acts name."""
         self._fields = self._memory.put(numbers)
 
-    def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
-    ) -> None:
-        """Set what acts during the next steps of `step` [s] each.
-
-        `drives` holds (steps, K, width) rows, `colliders` as many sets as steps or one for all of them.
+    def begin_batch(self, step: float, gravity: Array, forcing: Forcing, looks: int = 1) -> None:
+        """Set what acts during the next steps of `step` [s] each, besides gravity (3,) [m/s^2].
 
         At the first and then every `looks` steps it is looked how far apart bodies are.
         """
@@ -233,13 +231,13 @@ class Cloud(SortedCloud):
         self._batch[words.STEP] = self._batch[words.STEP_VECTOR : words.STEP_VECTOR + 3] = step / self.units.time
         self._batch[words.GRAVITY : words.GRAVITY + 3] = gravity * step / self.units.speed
         self._control[words.LOOKS] = looks
-        self._control[words.COLLIDERS] = colliders.shape[1]
-        self._control[words.MOVING] = len(colliders) > 1
-        self._control[words.WINDS_AT] = colliders.size
-        self._control[words.WINDS] = len(winds)
-        self._control[words.DRIVES] = drives.shape[1]
-        rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
-        self._forcing = self._memory.put(rows)
+        self._control[words.COLLIDERS] = forcing.colliders.shape[1]
+        self._control[words.MOVING] = len(forcing.colliders) > 1
+        self._control[words.WINDS_AT] = forcing.colliders.size
+        self._control[words.WINDS] = len(forcing.winds)
+        self._control[[words.DRIVES, words.BODIES]] = forcing.holding.shape
+        self._control[words.HOLDING_AT] = forcing.holding_begin
+        self._forcing = self._memory.put(forcing.numbers)
         self._batch_argument = self._memory.put(self._batch) if self._memory.on_gpu else self._batch
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:

@@ -220,7 +220,7 @@ def open_share(place, forcing: ti.template(), fields: ti.template(), control: ti
 
 
 @ti.func
-def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.template(), drive_set):
+def acted(v, node, body, forcing: ti.template(), fields: ti.template(), control: ti.template(), drive_set):
     """Velocity of a node after winds and drives, and whether a drive prescribes it.
 
     Parameters
@@ -229,6 +229,8 @@ def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.te
         After gravity, float64.
     node
         Absolute position [cells], float64.
+    body
+        Whose node it is.
     drive_set
         Which copy of the drives holds for this step: drives move.
     """
@@ -244,13 +246,15 @@ def acted(v, node, forcing: ti.template(), fields: ti.template(), control: ti.te
         row += at.WIND_WIDTH
     row = winds_end + drive_set * control[words.DRIVES] * at.DRIVE_WIDTH
     drives_end = row + control[words.DRIVES] * at.DRIVE_WIDTH
+    holds = control[words.HOLDING_AT] + body
     while row < drives_end:
         arm = node - _triple(forcing, row + 11)
         back = _turned(forcing, row + 14, arm) + _triple(forcing, row + 8)
-        if _distance(forcing, fields, row, back) <= ti.f64(at.TOUCH):
+        if forcing[holds] > 0 and _distance(forcing, fields, row, back) <= ti.f64(at.TOUCH):
             u = _carried(forcing, row + 23, arm)
             held = True
         row += at.DRIVE_WIDTH
+        holds += control[words.BODIES]
     return u, held
 
 
@@ -308,6 +312,7 @@ def confined(
 def constrain(
     v,
     node,
+    body,
     batch: ti.template(),
     forcing: ti.template(),
     fields: ti.template(),
@@ -316,5 +321,5 @@ def constrain(
     drive_set,
 ):
     """Both, where no other body is near: `acted`, then `confined`."""
-    u, _ = acted(v, node, forcing, fields, control, drive_set)
+    u, _ = acted(v, node, body, forcing, fields, control, drive_set)
     return confined(u, node, batch, forcing, fields, control, report, drive_set)

@@ -121,13 +121,14 @@ def make_meet(least_mass: float, *, flowing: bool) -> Callable[..., Any]:
         # Momentum to velocity, and what acts on bodies before they meet; in place of the mass its inverse, or -1.
         for m in range(first_member, end_member):
             corner = corner_of(met, control, m)
+            body = met[control[words.MEMBER_BODIES_AT] + m]
             for n in range(NODES):
                 row = row_of(control, corner, n)
                 g = grid[row]
                 v = _node4(0, 0, 0, -1)
                 if g[3] > least_mass:
                     u = ti.Vector([g[0], g[1], g[2]]) * (1 / g[3]) + kick
-                    u, held = acted(u, _true_place(met, control, corner, n), forcing, fields, control, drive_set)
+                    u, held = acted(u, _true_place(met, control, corner, n), body, forcing, fields, control, drive_set)
                     share = 1 / g[3]
                     if held:
                         share = 0.0

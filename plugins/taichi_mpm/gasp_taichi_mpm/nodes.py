@@ -101,6 +101,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool, flowing: bool) ->
     ):
         """Momentum to velocity, then whatever acts on it, at the nodes of one block where there is one body."""
         corner = block_corner(control, met[control[words.APART_AT] + q])
+        body = met[control[words.APART_BODIES_AT] + q]
         low = ti.Vector([control[words.LOWER + d] for d in range(3)])
         origin = ti.cast(low + corner - stand_of(met, control, corner[0]), ti.f64)
         touched = is_touched(origin + 1.5, forcing, fields, control, drive_set)
@@ -116,7 +117,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool, flowing: bool) ->
                         v = ti.Vector([g[0], g[1], g[2]]) * (1 / g[3]) + kick
                         if touched:
                             node = origin + ti.Vector([i, j, k])
-                            v = constrain(v, node, batch, forcing, fields, control, report, drive_set)
+                            v = constrain(v, node, body, batch, forcing, fields, control, report, drive_set)
                     grid[line + k] = _node4(v[0], v[1], v[2], 0)
                     if ti.static(flowing):
                         settle_carried(grid, control, line + k, least_mass)

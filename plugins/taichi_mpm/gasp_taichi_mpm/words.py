@@ -70,7 +70,14 @@ MOVING = 58
 WINDS_AT = 59
 CARRIED_AT = 60
 """How far behind a node's row the one lies that has what points brought to it, before anything acts."""
-CONTROL_WIDTH = 61
+HOLDING_AT = 61
+"""Where it begins, behind the rows of what acts, which drive holds which body: 1 for every body that it does."""
+BODIES = 62
+APART_BODIES_AT = 63
+"""In the table of who meets: whose the blocks are that have one body only,"""
+MEMBER_BODIES_AT = 64
+"""and those of the others."""
+CONTROL_WIDTH = 65
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0

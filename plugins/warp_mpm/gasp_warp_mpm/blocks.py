@@ -105,7 +105,7 @@ def make_blocks(double: bool, averaged: bool, flowing: bool) -> SimpleNamespace:
             s.grid[row] = v
 
     @wp.func
-    def update_node(s: Tables, acting: Acting, drive_set: int, corner: wp.vec3i, n: int):
+    def update_node(s: Tables, acting: Acting, drive_set: int, corner: wp.vec3i, body: int, n: int):
         """Momentum to velocity, then whatever acts on it; where several bodies meet `meeting` does this."""
         node = node_of(corner, n)
         row = row_of(s, node)
@@ -114,7 +114,7 @@ def make_blocks(double: bool, averaged: bool, flowing: bool) -> SimpleNamespace:
         if g[3] > least_mass:
             velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
             place = wp.vec3d(s.lower + node - stand_of(s.stands, corner[0]))
-            u, held = constrain(acting, velocity, place, drive_set)
+            u, held = constrain(acting, velocity, place, body, drive_set)
             v = vec4(real(u[0]), real(u[1]), real(u[2]), zero)
             if held == 1:
                 s.report[CLAMPED] = 1
@@ -129,7 +129,7 @@ def make_blocks(double: bool, averaged: bool, flowing: bool) -> SimpleNamespace:
     def update_block(s: Tables, acting: Acting, drive_set: int, q: int):
         corner = lone_corner(s, q)
         for n in range(BLOCK_NODES):
-            update_node(s, acting, drive_set, corner, n)
+            update_node(s, acting, drive_set, corner, s.apart_bodies[q], n)
 
     return SimpleNamespace(
         block_corner=block_corner,

@@ -13,6 +13,7 @@ from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings
 from gasp_mpm_host.cells import COLOURS, CellTables
 from gasp_mpm_host.cloud import SEEDING_PASSES
+from gasp_mpm_host.forcing_tables import Forcing
 from gasp_mpm_host.rows import Rows, Survey
 from gasp_mpm_host.scaling import Units, material_table
 from gasp_mpm_host.tracers import TracerRows, TracerTables
@@ -195,6 +196,8 @@ class Cloud(StagedSteps):
         tables.tracer_count = woken.awake
         tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
         tables.apart, tables.apart_count = self._put(met.apart, wp.int32), len(met.apart)
+        tables.apart_bodies = self._put(met.apart_bodies, wp.int32)
+        tables.member_bodies = self._put(met.member_bodies, wp.int32)
         tables.members, tables.places = self._put(met.members, wp.int32), self._put(met.places, wp.int32)
         tables.place_count = len(met.places) - 1
         tables.pairs, tables.friction = self._put(met.pairs.reshape(-1), wp.int32), self._put(met.friction, wp.float64)
@@ -239,33 +242,20 @@ class Cloud(StagedSteps):
         """Set the distance fields (M,) that rows of what acts name."""
         self._acting.fields = self._put(numbers, wp.float64)
 
-    def begin_batch(
-        self, step: float, gravity: Array, colliders: Array, winds: Array, drives: Array, looks: int = 1
-    ) -> None:
-        """Set what acts during the next steps.
+    def begin_batch(self, step: float, gravity: Array, forcing: Forcing, looks: int = 1) -> None:
+        """Set what acts during the next steps of `step` [s] each, besides gravity (3,) [m/s^2].
 
-        Parameters
-        ----------
-        step
-            Of each of them [s].
-        gravity : (3,) [m/s^2]
-        colliders : (sets, K, `layout.COLLIDER_WIDTH`)
-            K rows for every step, or one set for all of them.
-        winds
-            Rows.
-        drives : (steps, K, `layout.DRIVE_WIDTH`)
-            K rows for every step.
-        looks
-            At the first and then every so many steps it is looked how far apart bodies are.
+        At the first and then every `looks` steps it is looked how far apart bodies are.
         """
         self._tables.step = step / self.units.time
         acting = self._acting
         acting.looks = looks
         acting.gravity = wp.vec3d(*(gravity * step / self.units.speed).tolist())
-        acting.colliders, acting.winds, acting.drives = colliders.shape[1], len(winds), drives.shape[1]
-        acting.moving, acting.wind_begin = int(len(colliders) > 1), colliders.size
-        rows = np.concatenate([colliders.reshape(-1), winds.reshape(-1), drives.reshape(-1), np.zeros(1)])
-        acting.forcing = self._put(rows, wp.float64)
+        acting.colliders, acting.winds = forcing.colliders.shape[1], len(forcing.winds)
+        acting.drives, acting.bodies = forcing.holding.shape
+        acting.moving, acting.wind_begin = int(len(forcing.colliders) > 1), forcing.colliders.size
+        acting.holding_begin = forcing.holding_begin
+        acting.forcing = self._put(forcing.numbers, wp.float64)
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
         """Do steps first..end of the batch, or fewer where a point drifts too far from home.

@@ -183,14 +183,15 @@ def _blown(s: Acting, velocity: wp.vec3d, node: wp.vec3d):
 
 
 @wp.func
-def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
+def _driven(s: Acting, velocity: wp.vec3d, node: wp.vec3d, body: int, drive_set: int):
     u = velocity * _ONE
     held = int(0)
     begin = s.wind_begin + s.winds * at.WIND_WIDTH
     for drive in range(s.drives):
         row = begin + (drive_set * s.drives + drive) * at.DRIVE_WIDTH
         arm = node - _triple(s.forcing, row + 11)
-        if _distance(s, row, _turned(s, row + 14, arm) + _triple(s.forcing, row + 8)) <= _TOUCH:
+        holds = s.forcing[s.holding_begin + drive * s.bodies + body] > _ZERO
+        if holds and _distance(s, row, _turned(s, row + 14, arm) + _triple(s.forcing, row + 8)) <= _TOUCH:
             u = _carried(s, row + 23, arm)
             held = 1
     return u, held
@@ -257,7 +258,7 @@ def open_share(s: Acting, place: wp.vec3d, wall_set: int):
 
 
 @wp.func
-def acted(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
+def acted(s: Acting, velocity: wp.vec3d, node: wp.vec3d, body: int, drive_set: int):
     """Velocity of a node after gravity, wind and drives, and whether a drive prescribes it.
 
     Parameters
@@ -266,10 +267,12 @@ def acted(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
         After stress.
     node
         Absolute position [cells].
+    body
+        Whose node it is.
     drive_set
         Which copy of the drives holds for this step: drives move.
     """
-    return _driven(s, _blown(s, velocity + s.gravity, node), node, drive_set)
+    return _driven(s, _blown(s, velocity + s.gravity, node), node, body, drive_set)
 
 
 @wp.func
@@ -291,7 +294,7 @@ def confined(s: Acting, velocity: wp.vec3d, node: wp.vec3d, wall_set: int):
 
 
 @wp.func
-def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, drive_set: int):
+def constrain(s: Acting, velocity: wp.vec3d, node: wp.vec3d, body: int, drive_set: int):
     """Both, where no other body is near: `acted`, then `confined`."""
-    u, _driven_there = acted(s, velocity, node, drive_set)
+    u, _driven_there = acted(s, velocity, node, body, drive_set)
     return confined(s, u, node, drive_set)

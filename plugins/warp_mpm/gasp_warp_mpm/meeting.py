@@ -111,7 +111,7 @@ def make_meeting(double: bool, averaged: bool, flowing: bool, *, native: bool) -
             v = vec4(zero, zero, zero, -one)
             if g[3] > least_mass:
                 velocity = wp.vec3d(wp.float64(g[0]), wp.float64(g[1]), wp.float64(g[2])) / wp.float64(g[3])
-                u, held = acted(acting, velocity, true_place(s, corner, n), drive_set)
+                u, held = acted(acting, velocity, true_place(s, corner, n), s.member_bodies[m], drive_set)
                 share = one / g[3]
                 if held == 1:
                     share = zero

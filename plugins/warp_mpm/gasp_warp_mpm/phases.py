@@ -69,8 +69,9 @@ def make_phases(
     def update(s: Tables, acting: Acting):
         """What acts on a node of an active block."""
         if s.report[HALTED] == 0:
-            corner = lone_corner(s, wp.tid() // BLOCK_NODES)
-            update_node(s, acting, s.report[NEXT_STEP], corner, wp.tid() % BLOCK_NODES)
+            block = wp.tid() // BLOCK_NODES
+            corner, body = lone_corner(s, block), s.apart_bodies[block]
+            update_node(s, acting, s.report[NEXT_STEP], corner, body, wp.tid() % BLOCK_NODES)
 
     @wp.kernel(module=module, enable_backward=False)
     def move(s: Tables, acting: Acting):

@@ -58,6 +58,9 @@ class Acting:
     """Rows of the colliders, the winds, the drives."""
     fields: wp.array(dtype=wp.float64)
     """Distances that rows name."""
+    bodies: int
+    holding_begin: int
+    """Where it begins, behind these rows, which drive holds which body: 1 for every body that it does, by drive."""
     looks: int
     """Every so many steps it is looked how far apart bodies are."""
 
@@ -100,8 +103,10 @@ def tables_of(real: Any) -> Any:
         stands: wp.array(dtype=wp.int32)
         """Of the body in each column of blocks, three numbers; the rest is `gasp_mpm_host.bodies.Meetings`."""
         apart: wp.array(dtype=wp.int32)
+        apart_bodies: wp.array(dtype=wp.int32)
         apart_count: int
         members: wp.array(dtype=wp.int32)
+        member_bodies: wp.array(dtype=wp.int32)
         places: wp.array(dtype=wp.int32)
         place_count: int
         pairs: wp.array(dtype=wp.int32)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import warp as wp
 from gasp_mpm_host import layout as at
+from gasp_mpm_host.forcing_tables import Forcing
 from gasp_mpm_host.session import FarAwayError, MpmSession, opened
 from gasp_mpm_host.testing.agreement import COMPANIES
-from gasp_mpm_host.testing.kit import falling, nothing_acts
+from gasp_mpm_host.testing.kit import falling
 from gasp_mpm_host.testing.tracers import traced
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
@@ -104,7 +105,7 @@ def test_the_way_of_the_gpu_stops_after_the_step_in_which_a_point_drifted(kit):
     with MpmSession(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()) as session:
         cloud = session._held
         start = cloud.positions()
-        cloud.begin_batch(0.75 * 0.02 / 2.0, np.zeros(3), *nothing_acts(20))
+        cloud.begin_batch(0.75 * 0.02 / 2.0, np.zeros(3), Forcing.none(20))
         done, drifted, _ = cloud.steps(0, 20)
         assert drifted
         # Three quarters of a cell a step, from anywhere in a cell, and a cell of slack.

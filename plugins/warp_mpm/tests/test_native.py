@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 from gasp_mpm_host import layout as at
+from gasp_mpm_host.forcing_tables import Forcing
 from gasp_mpm_host.session import MpmSession
-from gasp_mpm_host.testing.kit import nothing_acts
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 
@@ -116,7 +116,7 @@ def test_the_stress_of_any_deformation(kit, kind, precision):
         cloud = session._held
         points = cloud._rows().points
         points[:, at.DISPLACEMENT_GRADIENT : at.DISPLACEMENT_GRADIENT + 9] = (given - np.eye(3)).reshape(-1, 9)
-        cloud.begin_batch(0.0, np.zeros(3), *nothing_acts(1))
+        cloud.begin_batch(0.0, np.zeros(3), Forcing.none(1))
         assert cloud.steps(0, 1) == (1, False, False)
         material = cloud._tables.materials.numpy()
         H = points[:, at.DISPLACEMENT_GRADIENT : at.DISPLACEMENT_GRADIENT + 9].reshape(-1, 3, 3)

@@ -33,11 +33,10 @@ from gasp_core.contract import (
     Snow,
 )
 from gasp_core.stepping.threads import ThreadOptions
-from gasp_mpm_host import layout as at
 from gasp_mpm_host.rows import Rows
 from gasp_mpm_host.session import MpmSession
 
-__all__ = ["FLOOR", "Kit", "falling", "nothing_acts", "same"]
+__all__ = ["FLOOR", "Kit", "falling", "same"]
 
 Array = NDArray[Any]
 
@@ -162,12 +161,3 @@ def same(a: PointState, b: PointState) -> bool:
     """Whether two states are equal bit for bit."""
     names = ("positions", "velocities", "deformation_gradients")
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
-
-
-def nothing_acts(steps: int) -> tuple[Array, Array, Array]:
-    """Colliders, winds and drives of a batch without any."""
-    return (
-        np.zeros((1, 0, at.COLLIDER_WIDTH)),
-        np.zeros((0, at.WIND_WIDTH)),
-        np.zeros((steps, 0, at.DRIVE_WIDTH)),
-    )

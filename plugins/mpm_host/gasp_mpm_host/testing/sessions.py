@@ -24,7 +24,8 @@ from gasp_core.errors import SceneError
 from gasp_core.stepping import threads as core_threads
 from gasp_core.stepping.threads import ThreadOptions
 from gasp_mpm_host import layout as at
-from gasp_mpm_host.testing.kit import falling, nothing_acts, same
+from gasp_mpm_host.forcing_tables import Forcing
+from gasp_mpm_host.testing.kit import falling, same
 
 __all__ = ["SessionTests"]
 
@@ -116,7 +117,7 @@ class SessionTests:
         with kit.open(problem, spacing=0.02) as session:
             cloud = session._held
             step = 1.5 * 0.02 / 2.0  # one and a half cells
-            cloud.begin_batch(step, np.zeros(3), *nothing_acts(20))
+            cloud.begin_batch(step, np.zeros(3), Forcing.none(20))
             done, drifted, _ = cloud.steps(0, 20)
             assert drifted
             assert done == 1
@@ -167,7 +168,7 @@ class SessionTests:
             rows = kit.rows(session)
             rows.points[100, at.VELOCITY] = value
             session._held._load(rows)
-            session._held.begin_batch(1e-4, np.zeros(3), *nothing_acts(20))
+            session._held.begin_batch(1e-4, np.zeros(3), Forcing.none(20))
             done, drifted, _ = session._held.steps(0, 20)
             assert drifted
             assert done == 1
@@ -180,7 +181,7 @@ class SessionTests:
             rows.points[100, at.STRESS + 1] = np.inf
             session._held._load(rows)
             problem_step = 1e-4
-            session._held.begin_batch(problem_step, np.zeros(3), *nothing_acts(20))
+            session._held.begin_batch(problem_step, np.zeros(3), Forcing.none(20))
             done, drifted, _ = session._held.steps(0, 20)
             assert drifted
             assert done <= 2
