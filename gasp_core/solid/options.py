@@ -24,14 +24,15 @@ class SolidOptions:
         How many times as opaque as it was trained a wall is taken to be when it is asked what one sees through it:
         more closes fainter walls, and closes more of the air between leaves.
     holes
-        Share of the sky, 0..1, that a place may see and still belong to the body: a wall with a hole is closed, a cup
-        is not. The middle of a flat hole sees half.
+        Share of the sky, 0..1, that a place may see and still belong to the body: a wall with a hole is closed, a
+        shallow bowl is not. The middle of a flat hole sees half; the bottom of what is deeper than wide, a mug, next
+        to nothing.
     underside
         "closed": nothing is seen from below, the body ends at its lowest layer. "open": it is as the Gaussians have
         it. "auto": closed where the body is dark inside but for what comes in from below.
     interior
-        "auto": filled where no light comes to, by `holes`. "filled": cups and other hollows are filled to the brim as
-        well. "hollow": as "auto", but a shell of `wall`.
+        "auto": filled where no light comes to, by `holes`. "filled": by half of the sky, if `holes` is less.
+        "hollow": as "auto", but a shell of `wall`.
     wall
         Thickness of that shell; in the unit of the Gaussians, in a scene [m]. What is thinner than two details of the
         solid has no exact volume.
