@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from gasp_core.contract import BodyContact, Collider, ContactCondition, PointProblem
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, poses_of
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, onto, unit
+from gasp_core.stepping.rigid_motion import pose_of
 from gasp_core.stepping.walls import wall_distances, wall_surface
 
-__all__ = ["CONDITIONS", "NO_BODY", "Contacts", "contacts_of"]
+__all__ = ["CONDITIONS", "NO_BODY", "Contacts", "contacts_of", "relative_velocities"]
 
 Array = NDArray[Any]
 
@@ -39,6 +40,8 @@ class Contacts:
     ----------
     first, second : (C,)
         Rigid bodies, `second` being `NO_BODY` where the other surface is a wall's.
+    others : (C,)
+        Whose the other surface is: bodies, and behind them the walls.
     places : (C, 3) [m]
     normals : (C, 3)
         From the second to the first.
@@ -46,8 +49,12 @@ class Contacts:
         Between the surfaces, negative where they overlap.
     slacks : (C,) [m]
         By how much they may overlap before they are moved apart.
+    nears : (C,) [m]
+        Nearer than this they touch.
     velocities : (C, 3) [m/s]
         Of the wall; zero between bodies.
+    turns : (C, 3) [rad/s]
+        Its angular velocity.
     conditions : (C,)
         As in `CONDITIONS`.
     frictions : (C,)
@@ -56,11 +63,14 @@ class Contacts:
 
     first: Array
     second: Array
+    others: Array
     places: Array
     normals: Array
     gaps: Array
     slacks: Array
+    nears: Array
     velocities: Array
+    turns: Array
     conditions: Array
     frictions: Array
     restitutions: Array
@@ -88,8 +98,8 @@ def contacts_of(
     seen = _Seen(bodies, surfaces, state)
     speeds = np.linalg.norm(state.velocities, axis=1) + surfaces.radii * np.linalg.norm(angular_velocities, axis=1)
     found = [_none()]
-    for body, wall in itertools.product(range(len(bodies)), walls):
-        found.append(_with_wall(seen, body, wall, time, step, speeds[body]))
+    for body, (number, wall) in itertools.product(range(len(bodies)), enumerate(walls)):
+        found.append(_with_wall(seen, body, wall, len(bodies) + number, time, step, speeds[body]))
     for first, second in itertools.combinations(range(len(bodies)), 2):
         apart = np.linalg.norm(state.places[first] - state.places[second])
         way = step * (speeds[first] + speeds[second])
@@ -98,6 +108,20 @@ def contacts_of(
             found.append(_with_body(seen, first, second, contact, way))
             found.append(_with_body(seen, second, first, contact, way))
     return Contacts.joined(found)
+
+
+def relative_velocities(contacts: Contacts, velocities: Array, centers: Array) -> Array:
+    """Velocities (C, 3) [m/s] of the first surface over the second, of bodies with velocities (B, 6)."""
+    found = _at(velocities, centers, contacts.first, contacts.places) - contacts.velocities
+    bodies = contacts.second != NO_BODY
+    found[bodies] -= _at(velocities, centers, contacts.second[bodies], contacts.places[bodies])
+    return found
+
+
+def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:
+    """Velocities (C, 3) [m/s] of what bodies (C,) have at places (C, 3) [m]."""
+    own = velocities[bodies]
+    return own[:, :3] + np.cross(own[:, 3:], places - centers[bodies])
 
 
 class _Seen:
@@ -142,33 +166,47 @@ class _Seen:
         return np.minimum(bends, most), bends <= most
 
 
-def _with_wall(seen: _Seen, body: int, wall: Collider, time: float, step: float, speed: float) -> Contacts:
+def _with_wall(seen: _Seen, body: int, wall: Collider, number: int, time: float, step: float, speed: float) -> Contacts:
     places, normals = seen.samples(body)
     reaches = seen.surfaces.reaches[seen.rows(body)]
     rooms = wall_distances(wall, places, time)
     near = np.flatnonzero(rooms < reaches)
     if not len(near):
         return _none()
-    outward, own = wall_surface(wall, places[near], time)
+    outward, _ = wall_surface(wall, places[near], time)
     across = _across(-outward, normals[near])
     ways, within = seen.ways(body, near, across)
     flat = seen.bends(body, near) > _FLAT * reaches[near]
     foremost = seen.onto(body, places[near] + ways[:, None] * across)
+    # Once more from there: the bend is not known to better than a twentieth.
+    outward, _ = wall_surface(wall, foremost, time)
+    _, slopes = seen.distances(body, foremost)
+    left = _across(-outward, unit(slopes))
+    foremost = seen.onto(body, foremost + np.minimum(ways, seen.ways(body, near, left)[0])[:, None] * left)
     gaps = wall_distances(wall, foremost, time)
     outward, own = wall_surface(wall, foremost, time)
+    turns = np.zeros_like(own)
+    if wall.motion is not None:
+        pose = pose_of(wall.motion, time)
+        turns += pose.angular_velocity
+        if wall.contact is not ContactCondition.SEPARATE:
+            # What holds on to it goes where it goes within the step (see `gasp_core.stepping.rigid.joints`).
+            own += 0.5 * step * np.cross(turns, own - pose.velocity)
     way = step * (speed + float(np.linalg.norm(own, axis=1).max()))
     # What is beyond the reach of a sample is within that of another one. Of what rolls it is the part that comes down
     # next: it is turned out of the way before it touches, which a step that goes straight on does not know.
     known = flat | within | (gaps < -_SLACK * reaches[near])
-    kept = (gaps < _NEAR * reaches[near] + way) & known
+    kept = _known(gaps < _NEAR * reaches[near] + way, known, gaps)
     return _made(
         body,
         NO_BODY,
+        number,
         foremost[kept],
         outward[kept],
         gaps[kept],
         reaches[near][kept],
         own[kept],
+        turns[kept],
         BodyContact(contact=wall.contact, friction=wall.friction),
         seen.restitutions[body],
     )
@@ -202,10 +240,23 @@ def _with_body(seen: _Seen, body: int, other: int, contact: BodyContact, way: fl
     # A flat face says better than an edge that slides over it where the two are going.
     outward[flat] = -normals[flat]
     # What is beyond the reach of a sample is within that of another one.
-    kept = (gaps < _NEAR * reaches + way) & (flat | within)
+    kept = _known(gaps < _NEAR * reaches + way, flat | within, gaps)
     zero = np.zeros((int(kept.sum()), 3))
     bounce = float(seen.restitutions[body] * seen.restitutions[other])
-    return _made(body, other, foremost[kept], outward[kept], gaps[kept], reaches[kept], zero, contact, bounce)
+    return _made(
+        body, other, other, foremost[kept], outward[kept], gaps[kept], reaches[kept], zero, zero, contact, bounce
+    )
+
+
+def _known(close: Array, known: Array, gaps: Array) -> Array:
+    """Which (K,) of those that are close are known; the nearest one where none is.
+
+    Samples lie up to two reaches apart in places: what touches between them is beyond the reach of all.
+    """
+    kept = close & known
+    if close.any() and not kept.any():
+        kept[np.where(close, gaps, np.inf).argmin()] = True
+    return kept
 
 
 def _facing(seen: _Seen, body: int, other: int, places: Array) -> Array:
@@ -222,24 +273,29 @@ def _across(vectors: Array, normals: Array) -> Array:
 
 def _made(
     body: int,
+    second: int,
     other: int,
     places: Array,
     normals: Array,
     gaps: Array,
     reaches: Array,
     velocities: Array,
+    turns: Array,
     contact: BodyContact,
     restitution: float,
 ) -> Contacts:
     count = len(places)
     return Contacts(
         first=np.full(count, body),
-        second=np.full(count, other),
+        second=np.full(count, second),
+        others=np.full(count, other),
         places=places,
         normals=normals,
         gaps=gaps,
         slacks=_SLACK * reaches,
+        nears=_NEAR * reaches,
         velocities=velocities,
+        turns=turns,
         conditions=np.full(count, CONDITIONS[contact.contact]),
         frictions=np.full(count, contact.friction),
         restitutions=np.full(count, restitution),
@@ -248,4 +304,4 @@ def _made(
 
 def _none() -> Contacts:
     nothing = np.zeros((0, 3))
-    return _made(0, 0, nothing, nothing, np.zeros(0), np.zeros(0), nothing, BodyContact(), 0.0)
+    return _made(0, 0, 0, nothing, nothing, np.zeros(0), np.zeros(0), nothing, nothing, BodyContact(), 0.0)

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gasp_core.contract import ContactCondition
-from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts
+from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, relative_velocities
 from gasp_core.stepping.rigid.surfaces import unit
 
 __all__ = ["Targets", "bounce_shares", "targets_of"]
@@ -56,7 +56,7 @@ def targets_of(
     it leaves with its restitution's share of what it had before: with what the step's gravity has added, too, it would
     rise higher than it fell from.
     """
-    closing = _relative(contacts, velocities, centers)
+    closing = relative_velocities(contacts, velocities, centers)
     normals = contacts.normals
     across = closing - np.sum(closing * normals, axis=1, keepdims=True) * normals
     # Across it first along what slides: the second direction then has little to do.
@@ -71,7 +71,7 @@ def targets_of(
     parting = contacts.conditions == _PARTING
     stopped = np.where(parting, -room, 0.0)
     bouncing = parting & (approach > resting) & (approach >= room) & (contacts.restitutions > 0)
-    came = -np.sum(_relative(contacts, before, centers) * normals, axis=1)
+    came = -np.sum(relative_velocities(contacts, before, centers) * normals, axis=1)
     bounced = np.where(bouncing, np.maximum(contacts.restitutions * came, stopped), stopped)
     return Targets(frames=frames, offsets=offsets, stopped=stopped, bounced=bounced)
 
@@ -106,7 +106,7 @@ def bounce_shares(
     islands = _islands(contacts, held, len(centers))
     first = np.where(np.isin(contacts.first, held) & (contacts.second != NO_BODY), contacts.second, contacts.first)
     least, most = (np.einsum("ci,cij->cj", impulse, frames) for impulse in impulses)
-    came, stopped, bounced = (_relative(contacts, one, centers) for one in (before, *velocities))
+    came, stopped, bounced = (relative_velocities(contacts, one, centers) for one in (before, *velocities))
     given, faster, sums = most - least, bounced - stopped, came + stopped
 
     def summed(products: Array) -> Array:
@@ -129,17 +129,3 @@ def _islands(contacts: Contacts, held: Sequence[int], count: int) -> Array:
     ends = (contacts.first[pairs], contacts.second[pairs])
     touching = coo_array((np.ones(int(pairs.sum())), ends), shape=(count, count))
     return connected_components(touching, directed=False)[1]
-
-
-def _relative(contacts: Contacts, velocities: Array, centers: Array) -> Array:
-    """Velocities (C, 3) [m/s] of the first surface over the second, of bodies with velocities (B, 6)."""
-    found = _at(velocities, centers, contacts.first, contacts.places) - contacts.velocities
-    bodies = contacts.second != NO_BODY
-    found[bodies] -= _at(velocities, centers, contacts.second[bodies], contacts.places[bodies])
-    return found
-
-
-def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:
-    """Velocities (C, 3) [m/s] of what bodies (C,) have at places (C, 3) [m]."""
-    own = velocities[bodies]
-    return own[:, :3] + np.cross(own[:, 3:], places - centers[bodies])

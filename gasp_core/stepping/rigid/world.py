@@ -23,6 +23,7 @@ from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of,
 from gasp_core.stepping.rigid.contacts import CONDITIONS, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
+from gasp_core.stepping.rigid.joints import Joints
 from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of, unit
 from gasp_core.stepping.rigid.targets import bounce_shares, targets_of
@@ -67,6 +68,7 @@ class RigidWorld:
         edges = () if domain is None or domain.policy is not DomainPolicy.CLAMP else _edges(domain.lower, domain.upper)
         self._walls = [wall for collider in (*problem.colliders, *edges) for wall in walls_of(collider)]
         self._holds = Holds(problem, bodies)
+        self._joints = Joints(len(bodies), len(self._walls))
         contacts = [
             [problem.contact_between(int(body), other) for body in bodies.bodies]
             for other in range(int(problem.points.body_ids.max()) + 1)
@@ -88,16 +90,20 @@ class RigidWorld:
         world = cls(problem, bodies, rigid_surfaces_of(problem, bodies), state)
         if restart is not None:
             names = {f"rigid_{name}": getattr(state, name).shape for name in RigidState.__slots__}
-            others = {"rigid_owed": world._owed.shape, "rigid_holds": world._holds.kept.shape}
-            kept = checkpoint_arrays(restart, {**names, **others}, engine)
+            shapes = {f"rigid_{name}": array.shape for name, array in world._others().items()}
+            kept = checkpoint_arrays(restart, {**names, **shapes}, engine)
             world.state = RigidState(**{name: kept[f"rigid_{name}"].copy() for name in RigidState.__slots__})
             world._owed, world._holds.kept = kept["rigid_owed"].copy(), kept["rigid_holds"].copy()
+            world._joints.gaps = kept["rigid_joints"].copy()
         return world
 
     def checkpoint(self) -> dict[str, Array]:
         """All that changes."""
         kept = {f"rigid_{name}": getattr(self.state, name).copy() for name in RigidState.__slots__}
-        return {**kept, "rigid_owed": self._owed.copy(), "rigid_holds": self._holds.kept.copy()}
+        return {**kept, **{f"rigid_{name}": array.copy() for name, array in self._others().items()}}
+
+    def _others(self) -> dict[str, Array]:
+        return {"owed": self._owed, "holds": self._holds.kept, "joints": self._joints.gaps}
 
     @property
     def fastest(self) -> float:
@@ -178,6 +184,8 @@ class RigidWorld:
             time,
             step,
         )
+        largest = float(self.surfaces.radii.max())
+        contacts = self._joints.holding(contacts, before, state.places, largest, step)
         velocities, after = self._met(contacts, nodes, inertias, momenta, before, velocities, held, step)
         spins = np.einsum("bij,bj->bi", inertias[:, 3:, 3:], velocities[:, 3:])
         for body in held:
