@@ -127,6 +127,7 @@ def test_a_mesh_in_millimetres_is_told_of(tmp_path, unit, told):
     box = tmp_path / "box.stl"
     trimesh.creation.box(extents=(600, 400, 40)).export(box)
     table = Collider(shape=MeshShape(file=box, metres_per_unit=unit, position=(0, 0, -60 * unit), cells=32))
-    prepared = prepare(scene_on((table,)))
-    found = [note for note in oddities(prepared.objects, prepared.assembly) if "if it is in mm" in note]
+    scene = scene_on((table,))
+    prepared = prepare(scene)
+    found = [note for note in oddities(scene, prepared.objects, prepared.assembly) if "if it is in mm" in note]
     assert bool(found) == told
