@@ -55,6 +55,7 @@ __all__ = [
     "gust_of",
     "hardening_of",
     "hencky_stiffening",
+    "limits_of",
     "refuse_unstable_substep",
     "rest_bound",
     "snow_stiffening",
@@ -294,6 +295,43 @@ def wall_speed(colliders: Sequence[Collider], time: float, low: Array, high: Arr
         near = _ADVECTION * spacing
         speed = max(speed, fastest * near / max(near, float(away) - reach))
     return speed
+
+
+def limits_of(
+    problem: PointProblem,
+    time: float,
+    low: Array,
+    high: Array,
+    spacing: float,
+    *,
+    stress: float,
+    speed: float,
+    velocity_gradient: float,
+    hardening: float,
+) -> MotionLimits:
+    """What bounds the next step of a problem at `time` [s], whose matter lies between corners low and high (3,) [m].
+
+    Parameters
+    ----------
+    spacing
+        Of the grid [m].
+    stress, velocity_gradient, hardening
+        As of `MotionLimits`.
+    speed
+        Of what moves already [m/s]; what drives and colliders make of it comes to that.
+    """
+    return MotionLimits(
+        stress=stress,
+        speed=max(
+            speed,
+            driven_speed(problem.drives, time, low, high),
+            wall_speed(problem.colliders, time, low, high, spacing),
+        ),
+        velocity_gradient=velocity_gradient,
+        acceleration=math.hypot(*problem.gravity),
+        hardening=hardening,
+        gust=gust_of(problem.force_fields, time),
+    )
 
 
 def _reach(region: Shape, center: Array) -> float:

@@ -101,13 +101,13 @@ class Forcing:
     holding: Array
 
     @classmethod
-    def none(cls, steps: int, bodies: int = 1) -> Self:
+    def none(cls, steps: int) -> Self:
         """Where nothing acts."""
         return cls(
             colliders=np.zeros((1, 0, at.COLLIDER_WIDTH)),
             winds=np.zeros((0, at.WIND_WIDTH)),
             drives=np.zeros((steps, 0, at.DRIVE_WIDTH)),
-            holding=np.zeros((0, bodies)),
+            holding=np.zeros((0, 1)),
         )
 
     @property

@@ -5,7 +5,6 @@ It knows no backend: what steps the points is a `SteppedCloud` that somebody els
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, cast
 
@@ -21,15 +20,7 @@ from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
-from gasp_core.stepping.time_step import (
-    MotionLimits,
-    driven_speed,
-    gust_of,
-    hardening_of,
-    substep_size,
-    substeps_to,
-    wall_speed,
-)
+from gasp_core.stepping.time_step import MotionLimits, hardening_of, limits_of, substep_size, substeps_to
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, Forcing, collider_rows, drive_rows, wind_rows
@@ -207,7 +198,6 @@ class MpmSession(SteppedSession[SteppedCloud]):
             interventions.append(RigidSteps(staged, rigid))
         self._interrupted = InterruptedSteps(staged, interventions) if interventions else None
         self._bodies = int(problem.points.body_ids.max()) + 1
-        self._several = self._bodies > 1
         self._clamped = False
         self._inverted = 0
 
@@ -234,7 +224,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))
         taking = min(count, max(1, reach))
         # The last batch lands on the very number that was asked for, not on a sum of steps.
-        if (self._several or self._led is not None) and self._survey.drift > _DRIFT_BEFORE:
+        if (self._bodies > 1 or self._led is not None) and self._survey.drift > _DRIFT_BEFORE:
             # Now rather than on the way: what is known of contact lasts from look to look, unless points are sorted,
             # and where a point is led nobody looks how far from home that is.
             self._sort(self.held())
@@ -248,19 +238,18 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def _limits(self, survey: Survey) -> MotionLimits:
         spacing = self._units.spacing
-        felt = _FELT * spacing
-        low, high = survey.low - felt, survey.high + felt
-        driven = driven_speed(self._problem.drives, self._time, low, high)
-        walls = wall_speed(self._problem.colliders, self._time, low, high, spacing) if self._walls_move else 0.0
         rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         led = 0.0 if self._led is None else self._led.fastest(self._time)
-        return MotionLimits(
+        return limits_of(
+            self._problem,
+            self._time,
+            survey.low - _FELT * spacing,
+            survey.high + _FELT * spacing,
+            spacing,
             stress=survey.stress,
-            speed=max(survey.speed, driven, walls, rigid, led),
+            speed=max(survey.speed, rigid, led),
             velocity_gradient=survey.velocity_gradient,
-            acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
-            gust=gust_of(self._problem.force_fields, self._time),
         )
 
     def _take(self, count: int, step: float, landing: float | None, looks: int) -> None:
@@ -270,14 +259,15 @@ class MpmSession(SteppedSession[SteppedCloud]):
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
         placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
-        bodies = self._problem.points.body_ids
-        # Asked for only where it matters: positions may be on another device.
-        positions = cloud.positions() if drives and self._bodies > 1 else np.zeros((len(bodies), 3))
+        holding = np.ones((len(drives), self._bodies))
+        if drives and self._bodies > 1:
+            bodies = self._problem.points.body_ids
+            holding = bodies_held(drives, begin, cloud.positions(), bodies, self._bodies, self._units.spacing)
         forcing = Forcing(
             colliders=self._walls(begin, step, count),
             winds=wind_rows(winds, step, self._units, self._fields),
             drives=np.array(placed).reshape(count, len(drives), at.DRIVE_WIDTH),
-            holding=bodies_held(drives, begin, positions, bodies, self._bodies, self._units.spacing),
+            holding=holding,
         )
         cloud.begin_batch(step, np.asarray(self._problem.gravity), forcing, looks)
         stepper = cloud

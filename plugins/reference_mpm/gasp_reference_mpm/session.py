@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -16,15 +15,7 @@ from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import CRUSHED_VOLUME, SteppedSession, StoppedError, impulse_change
-from gasp_core.stepping.time_step import (
-    MotionLimits,
-    driven_speed,
-    gust_of,
-    hardening_of,
-    substep_size,
-    substeps_to,
-    wall_speed,
-)
+from gasp_core.stepping.time_step import MotionLimits, hardening_of, limits_of, substep_size, substeps_to
 from gasp_reference_mpm.grid import grid_excess
 from gasp_reference_mpm.leading import Lead
 from gasp_reference_mpm.material_points import Matter, Motion, stable_step
@@ -174,18 +165,18 @@ class ReferenceSession(SteppedSession[Motion]):
     def _limits(self, motion: Motion) -> MotionLimits:
         places = motion.positions + self._origin
         felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
-        low, high = places.min(axis=0) - felt, places.max(axis=0) + felt
-        driven = driven_speed(self._problem.drives, self._time, low, high)
-        walls = wall_speed(self._problem.colliders, self._time, low, high, self._spacing)
         rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         led = 0.0 if self._led is None else self._led.points.fastest(self._time)
-        return MotionLimits(
+        return limits_of(
+            self._problem,
+            self._time,
+            places.min(axis=0) - felt,
+            places.max(axis=0) + felt,
+            self._spacing,
             stress=stable_step(self._matter, motion, self._spacing),
-            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), driven, walls, rigid, led),
+            speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), rigid, led),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
-            acceleration=math.hypot(*self._problem.gravity),
             hardening=self._hardening,
-            gust=gust_of(self._problem.force_fields, self._time),
         )
 
     def apply_impulse(self, impulse: Impulse) -> None:
