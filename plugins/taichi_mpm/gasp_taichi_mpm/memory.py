@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_taichi_mpm import cuda_context
 from gasp_taichi_mpm.runtime import taichi as ti
 
 __all__ = ["Memory"]
@@ -39,6 +40,7 @@ class Memory:
         """A kernel argument of a shape as for `put`, its content undefined."""
         if not self.on_gpu:
             return np.empty(shape, dtype=dtype)
+        cuda_context.enter()
         kind = _TYPES[np.dtype(dtype)]
         if len(shape) == 2:
             return ti.Vector.ndarray(shape[1], kind, shape[0])
@@ -46,11 +48,15 @@ class Memory:
 
     def get(self, argument: Any) -> Array:
         """The content: on the CPU the very memory, on a GPU a copy."""
-        return argument.to_numpy() if self.on_gpu else argument
+        if not self.on_gpu:
+            return argument
+        cuda_context.enter()
+        return argument.to_numpy()
 
     def write(self, argument: Any, host: Array) -> None:
         """Replace the content by `host`, of the same shape."""
         if self.on_gpu:
+            cuda_context.enter()
             argument.from_numpy(np.ascontiguousarray(host))
         elif argument is not host:
             argument[...] = host

@@ -20,6 +20,7 @@ from typing import Any
 
 from gasp_core.errors import EngineEnvironmentError, SceneError
 from gasp_core.stepping.threads import processors
+from gasp_taichi_mpm import cuda_context
 
 __all__ = ["acquire", "current", "release", "require", "taichi"]
 
@@ -99,6 +100,8 @@ def _initialise(device: str) -> None:
             cpu_block_dim_adaptive=False,
         )
     _runtime = taichi.lang.impl.get_runtime()
+    if device == "cuda":
+        cuda_context.remember()
 
 
 def _is_ours() -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -83,6 +84,30 @@ class SessionTests:
                 two.advance_to(time)
             assert same(one.read(kit.everything), alone["float32"])
             assert same(two.read(kit.everything), alone["float64"])
+
+    def test_calls_may_come_from_different_threads(self, kit):
+        """One after the other. A context of CUDA is current in a thread, so memory of a GPU may be out of reach."""
+
+        def elsewhere(call, *arguments):
+            with ThreadPoolExecutor(1) as other:
+                return other.submit(call, *arguments).result()
+
+        def opened():
+            return kit.open(falling(kit), precision="float64", spacing=0.1)
+
+        with opened() as session:
+            session.advance_to(0.01)
+            session.advance_to(0.02)
+            expected = session.read(kit.everything)
+        session = elsewhere(opened)
+        elsewhere(session.advance_to, 0.01)
+        session.read(kit.everything)
+        assert elsewhere(session.checkpoint)
+        elsewhere(session.advance_to, 0.02)
+        found = elsewhere(session.read, kit.everything)
+        elsewhere(session.close)
+        # In what order a GPU adds is its own affair.
+        assert np.allclose(found.positions, expected.positions, rtol=0, atol=1e-12)
 
     def test_times(self, kit):
         with kit.open(falling(kit), spacing=0.1) as session:
