@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.subject import Need, Subject
 from gasp_conformance.wall_cases import stiff_material
-from gasp_core.contract import BodyContact, ContactCondition, Field, Fluid, Quantity, Rigid, Sand
+from gasp_core.contract import BodyContact, ContactCondition, Field, Fluid, Material, Quantity, Rigid, Sand
 
 
 def rides(ledger: Ledger, case: str, ride: body_cases.Ride) -> None:
@@ -134,12 +136,17 @@ def test_rigid_bodies_roll(subject: Subject, ledger: Ledger, need: Need, shape: 
 
 @check("material:rigid[slide]", Level.CAPABILITY)
 def test_rigid_bodies_slide(subject: Subject, ledger: Ledger, need: Need) -> None:
-    """A rigid block on a rigid slab, and where there is other matter one on soft matter and a soft one on a rigid."""
+    """A rigid block on a rigid slab, where there is other matter on soft and on heavy, and a soft one on a rigid."""
     need_rigid(subject, need)
     need(ContactCondition.SEPARATE in subject.descriptor.capabilities.body_contacts, "that bodies separate")
     rigid, soft = Rigid(density=1000.0), stiff_material(subject)
-    cases = {"rigid on rigid": [rigid] * 4, "rigid on soft, soft on rigid": [soft, rigid, rigid, soft]}
-    for name, materials in cases.items() if not isinstance(soft, Rigid) else [("rigid on rigid", [rigid] * 4)]:
+    cases: dict[str, list[Material]] = {"rigid on rigid": [rigid] * 4}
+    if not isinstance(soft, Rigid):
+        cases["rigid on soft, soft on rigid"] = [soft, rigid, rigid, soft]
+        # Sound is as fast in it, and so are steps; what it gives way by is a thirtieth.
+        heavy = replace(stiff_material(subject, 30.0 * 100.0), density=30.0 * soft.density)
+        cases["rigid on what is 30 times as heavy"] = [heavy, rigid] * 2
+    for name, materials in cases.items():
         for way, ride in zip(("left", "right"), body_cases.blocks_slide(subject, 0.4, {}, materials)):
             rides(ledger, f"{name}, to the {way}", ride)
 

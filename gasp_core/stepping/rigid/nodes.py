@@ -7,14 +7,13 @@ is judged where the matter is, at the points around the node, as between two bod
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.stepping.rigid.node_normals import nearest, parting
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, unit
 from gasp_core.stepping.rigid_motion import Pose
 
@@ -28,6 +27,8 @@ _FELT = 3.0
 """In cells: points farther away than this touch no such node."""
 _NEAREST = 0.1
 """In cells: over how much the nearest points around a node share in its normal."""
+_PREFERRED = 0.02
+"""In cells: by how much wider the gap has to be along the normal of the matter for that to be taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,15 +97,10 @@ def nodes_near(
         low = np.floor(cells.min(axis=0) - 0.5).astype(np.int64)
         size = np.floor(cells.max(axis=0) - 0.5).astype(np.int64) - low + 3
         gaps, normals = np.full((kinds, *size), np.inf), np.zeros((kinds, *size, 3))
-        _spread(
-            cells - low,
-            depth - half_widths[near],
-            slopes,
-            bodies[near].astype(np.int64),
-            gaps,
-            normals,
-            _NEAREST * spacing,
-        )
+        places, slopes, whose = cells - low, np.ascontiguousarray(slopes), bodies[near].astype(np.int64)
+        halves = half_widths[near]
+        nearest(places, depth - halves, slopes, whose, gaps, normals, _NEAREST * spacing)
+        parting(places, depth / spacing, halves / spacing, slopes, whose, gaps < open_gap, normals, _PREFERRED)
         rows = np.argwhere(gaps < open_gap)
         nodes = rows[:, 1:] + low
         out, _ = surfaces.seen(number, pose, nodes * spacing + origin)
@@ -123,32 +119,3 @@ def nodes_near(
         kept = np.sort(order[np.append(True, ~same)])
         nodes, whose, rigid, normals, gaps = nodes[kept], whose[kept], rigid[kept], normals[kept], gaps[kept]
     return NodeContacts(nodes=nodes, bodies=whose, rigid=rigid, normals=normals, gaps=gaps)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _spread(
-    cells: Array, rooms: Array, slopes: Array, bodies: Array, gaps: Array, normals: Array, width: float
-) -> None:
-    """Smallest of rooms (P,) around nodes, and the sum of slopes (P, 3) of those points that are about as near."""
-    for turn in range(2):
-        for p in range(len(cells)):
-            i, j, k = int(cells[p, 0] - 0.5), int(cells[p, 1] - 0.5), int(cells[p, 2] - 0.5)
-            x, y, z = cells[p, 0] - i, cells[p, 1] - j, cells[p, 2] - k
-            wx = (0.5 * (1.5 - x) ** 2, 0.75 - (x - 1) ** 2, 0.5 * (x - 0.5) ** 2)
-            wy = (0.5 * (1.5 - y) ** 2, 0.75 - (y - 1) ** 2, 0.5 * (y - 0.5) ** 2)
-            wz = (0.5 * (1.5 - z) ** 2, 0.75 - (z - 1) ** 2, 0.5 * (z - 0.5) ** 2)
-            b, room = bodies[p], rooms[p]
-            for a in range(3):
-                for c in range(3):
-                    for e in range(3):
-                        weight = wx[a] * wy[c] * wz[e]
-                        if weight <= 0.0:
-                            continue
-                        least = gaps[b, i + a, j + c, k + e]
-                        if turn == 0:
-                            if room < least:
-                                gaps[b, i + a, j + c, k + e] = room
-                        elif room < least + 10 * width:
-                            weight *= math.exp((least - room) / width)
-                            for d in range(3):
-                                normals[b, i + a, j + c, k + e, d] += weight * slopes[p, d]

@@ -24,7 +24,7 @@ from gasp_core.stepping.rigid.contacts import CONDITIONS, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
 from gasp_core.stepping.rigid.joints import Joints
-from gasp_core.stepping.rigid.solver import loaded, settle_nodes, solve
+from gasp_core.stepping.rigid.solver import loaded, settle_nodes, share_of_change, solve
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of, unit
 from gasp_core.stepping.rigid.targets import bounce_shares, targets_of
 from gasp_core.stepping.rigid_motion import Pose
@@ -35,8 +35,10 @@ __all__ = ["RigidWorld"]
 Array = NDArray[Any]
 
 _PARTING = CONDITIONS[ContactCondition.SEPARATE]
-_ROUNDS = 8
+_ROUNDS = 60
 """Of contact with nodes, whose friction depends on what comes out."""
+_SWINGING = 12
+"""Rounds after which changes are made by half: friction that follows what bears it can swing with it."""
 _SWEEPS = 200
 _TOLERANCE = 1e-5
 """Of what gravity gives in a step."""
@@ -234,12 +236,17 @@ class RigidWorld:
         rooms = np.where(conditions == _PARTING, np.maximum(nodes.gaps, 0.0) / step, apart)
         gates = np.zeros((len(nodes), 2))
         places = (nodes.rigid, nodes.places)
-        found = velocities
-        for _ in range(_ROUNDS if len(nodes) else 1):
-            before = found
+        # A gap that closes within the step is a node that comes so much faster: then nodes touch or they do not.
+        closing = np.where(np.isfinite(rooms), rooms, 0.0)[:, None] * nodes.normals
+        ways_of_nodes = (nodes.masses, nodes.normals, conditions, frictions)
+        met = (nodes.velocities + closing, *ways_of_nodes, np.where(np.isfinite(rooms), 0.0, np.inf))
+        before = velocities
+        for turn in range(_ROUNDS + 1 if len(nodes) else 1):
             inertias, momenta = own_inertias.copy(), own_momenta.copy()
-            acting = (nodes.velocities, nodes.masses, nodes.normals, conditions, frictions, rooms)
-            loaded(inertias, momenta, centers, before, *places, *acting, gates)
+            if turn == _ROUNDS:
+                # Whatever has come out by now, so energy does not rise.
+                met = (nodes.velocities, *ways_of_nodes, rooms)
+            loaded(inertias, momenta, centers, before, *places, *met, gates)
             inverses = np.linalg.inv(inertias)
             found = np.einsum("bij,bj->bi", inverses, momenta)
             for body in held:
@@ -253,10 +260,19 @@ class RigidWorld:
                 both, pushes = (found, faster), (stopping, bouncing)
                 shares = bounce_shares(contacts, targets.frames, centers, held, start, both, pushes)
                 found += shares[:, None] * (faster - found)
-            if np.abs(found - before).max() * max(1.0, float(self.surfaces.radii.max())) <= tolerance:
+            change = found - before
+            # The last change is made whole, so that bodies have lost what nodes get.
+            if np.abs(change).max() * max(1.0, float(self.surfaces.radii.max())) <= tolerance:
                 break
-        after = nodes.velocities.copy()
+            # What contacts ask for holds from the second on, and so on the way; what bounces is not the least of all.
+            share = 1.0 if turn <= _SWINGING else 0.5
+            if turn > 0 and not targets.bounce:
+                own = (own_inertias, own_momenta, centers, before, change)
+                share *= share_of_change(*own, *places, *met)
+            before = before + share * change
+        after = met[0].copy()
         settle_nodes(centers, found, *places, after, nodes.normals, gates)
+        after += nodes.velocities - met[0]
         return found, after
 
     def _pushed_apart(self, contacts: Contacts, inertias: Array, held: Sequence[int], step: float) -> Array:
