@@ -240,7 +240,7 @@ class RigidWorld:
         closing = np.where(np.isfinite(rooms), rooms, 0.0)[:, None] * nodes.normals
         ways_of_nodes = (nodes.masses, nodes.normals, conditions, frictions)
         met = (nodes.velocities + closing, *ways_of_nodes, np.where(np.isfinite(rooms), 0.0, np.inf))
-        before = velocities
+        before = found = velocities
         for turn in range(_ROUNDS + 1 if len(nodes) else 1):
             inertias, momenta = own_inertias.copy(), own_momenta.copy()
             if turn == _ROUNDS:
