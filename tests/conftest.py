@@ -45,7 +45,7 @@ def data() -> Path:
     return folder
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def cloud():
     """Makes a small cloud of Gaussians in a unit ball, a different one for every seed."""
 
@@ -62,7 +62,7 @@ def cloud():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def scene_of(cloud):
     """Makes a scene of one falling object; options go to the engine of the tests."""
 
@@ -85,7 +85,7 @@ def scene_of(cloud):
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def run():
     """Runs a scene with the engine of the tests."""
 

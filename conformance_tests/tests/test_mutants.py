@@ -25,10 +25,12 @@ pytest_plugins = ["pytester"]
 HERE = Path(__file__).parent
 
 # A nested run forgets the modules it was first to import, and compiled ones cannot be imported twice: import them here.
-HELPERS = [
+# The suite's tests too, with what assertions have to say: every run would take half a second to rewrite them.
+pytest.register_assert_rewrite("gasp_conformance")
+MODULES = [
     import_module(f"gasp_conformance.{module.name}")
     for module in pkgutil.iter_modules(gasp_conformance.__path__)
-    if not module.name.startswith(("test_", "__"))
+    if not module.name.startswith("__")
 ]
 
 

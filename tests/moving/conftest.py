@@ -1,11 +1,13 @@
 import dataclasses
+import functools
+import shutil
 import zipfile
 
 import flying_points
 import pytest
 from splat_shells import SHAPES, shell
 
-from gasp_core import EngineAccuracy, Reduction, simulate
+from gasp_core import EngineAccuracy, Recording, Reduction, simulate
 
 WAYS = {
     "all": ("free", Reduction(mode="all")),
@@ -27,10 +29,11 @@ def ball():
     return shell(SHAPES["sphere"], count=1_500)
 
 
-@pytest.fixture
-def flowing(scene_of, ball, tmp_path):
-    """flowing(material) -> a run of a ball of it that flies apart as it spins."""
+@pytest.fixture(scope="session")
+def flowing(scene_of, ball, tmp_path_factory):
+    """flowing(material) -> a run of a ball of it that flies apart as it spins, which all tests share: to read."""
 
+    @functools.cache
     def make(material):
         scene = scene_of(
             ball,
@@ -44,16 +47,17 @@ def flowing(scene_of, ball, tmp_path):
         engine = flying_points.descriptor()
         can = dataclasses.replace(engine.capabilities, materials=engine.capabilities.materials | {type(material)})
         engine = dataclasses.replace(engine, capabilities=can)
-        return simulate(scene, engine=(engine, flying_points.Ballistic()), out=tmp_path / "a.gasp", progress=False)
+        out = tmp_path_factory.mktemp("flows") / "a.gasp"
+        return simulate(scene, engine=(engine, flying_points.Ballistic()), out=out, progress=False)
 
     return make
 
 
-@pytest.fixture
-def recorded(scene_of, run, ball, tmp_path):
-    """recorded(reduction) -> a run of a ball that flies apart as it spins: its points go on straight ahead."""
+@pytest.fixture(scope="session")
+def flight(scene_of, run, ball):
+    """flight(reduction, out) -> a run of a ball that flies apart as it spins: its points go on straight ahead."""
 
-    def make(reduction, splat=None, **others):
+    def make(reduction, out, splat=None, **others):
         scene = scene_of(
             ball if splat is None else splat,
             reduction=reduction,
@@ -63,7 +67,30 @@ def recorded(scene_of, run, ball, tmp_path):
             accuracy=EngineAccuracy(resolution=8),
             **others,
         )
-        return run(scene, tmp_path / "a.gasp")
+        return run(scene, out)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def flown(flight, tmp_path_factory):
+    """flown(reduction) -> where such a run of the ball lies, which all tests share: to read and to copy."""
+
+    @functools.cache
+    def make(reduction):
+        return flight(reduction, tmp_path_factory.mktemp("flights") / "a.gasp").path
+
+    return make
+
+
+@pytest.fixture
+def recorded(flight, flown, tmp_path):
+    """recorded(reduction) -> such a run of the test's own."""
+
+    def make(reduction, splat=None, **others):
+        if splat is not None or others:
+            return flight(reduction, tmp_path / "a.gasp", splat, **others)
+        return Recording.open(shutil.copytree(flown(reduction), tmp_path / "a.gasp"))
 
     return make
 

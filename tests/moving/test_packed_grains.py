@@ -15,12 +15,13 @@ WATER = Fluid(density=1000, bulk_modulus=1e5)
 SAND = Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3, friction_angle=30)
 
 
-@pytest.fixture(params=[SAND, WATER], ids=["sand", "water"])
-def sand(request, flowing, tmp_path):
+@pytest.fixture(scope="module", params=[SAND, WATER], ids=["sand", "water"])
+def sand(request, flowing, tmp_path_factory):
     """A ball that flies apart as it spins, its pack, and the frames as films have them."""
     recording = flowing(request.param)
-    pack(recording, tmp_path / "a.sog")
-    return recording, MovingSplat.open(tmp_path / "a.sog"), DrawnFrames(recording)
+    path = tmp_path_factory.mktemp("packed") / "a.sog"
+    pack(recording, path)
+    return recording, MovingSplat.open(path), DrawnFrames(recording)
 
 
 def test_grains_are_those_of_the_run(sand):
@@ -73,5 +74,5 @@ def test_numbers_of_nothing_are_refused(column, value):
 def test_damage_is_one_clear_line(sand, tmp_path, altered_zip, name, damage):
     change = {"lost": None, "cut off": lambda data: data[: len(data) // 2], "longer": lambda data: data + b"x"}[damage]
     with pytest.raises(RecordingError, match=r"b\.sog: what carries 'thing' is damaged") as caught:
-        MovingSplat.open(altered_zip(tmp_path / "a.sog", tmp_path / "b.sog", f"motion/0/{name}", change))
+        MovingSplat.open(altered_zip(sand[1].path, tmp_path / "b.sog", f"motion/0/{name}", change))
     assert "\n" not in str(caught.value)

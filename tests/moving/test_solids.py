@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from gasp_core import MovingSplat, Reduction, pack
+from gasp_core import MovingSplat, Recording, Reduction, pack
 from gasp_core.contract import (
     BoxShape,
     Collider,
@@ -171,11 +171,17 @@ DAMAGE = {
 }
 
 
+@pytest.fixture(scope="module")
+def packed(flown, tmp_path_factory):
+    path = tmp_path_factory.mktemp("packed") / "a.sog"
+    pack(Recording.open(flown(Reduction(mode="cores", count=30))), path, colliders=COLLIDERS_OF_ALL_KINDS)
+    return path
+
+
 @pytest.mark.parametrize("what", DAMAGE)
-def test_damage_is_one_clear_line(recorded, tmp_path, what):
-    pack(recorded(Reduction(mode="cores", count=30)), tmp_path / "a.sog", colliders=COLLIDERS_OF_ALL_KINDS)
+def test_damage_is_one_clear_line(packed, tmp_path, what):
     change, files = DAMAGE[what]
-    with zipfile.ZipFile(tmp_path / "a.sog") as source, zipfile.ZipFile(tmp_path / "b.sog", "w") as target:
+    with zipfile.ZipFile(packed) as source, zipfile.ZipFile(tmp_path / "b.sog", "w") as target:
         for name in source.namelist():
             content = source.read(name)
             if name == HEADER and change is not None:

@@ -19,7 +19,7 @@ from gasp_core.studies.runs import Limits, Run, chosen_backend
 from gasp_core.studies.runs.backends.parcels import Missing, begun_now, carry_out_parcel, packed, parcels_of
 from gasp_core.studies.sweep import Measures, planned, settings_of, sweep
 
-RUNS = 24
+RUNS = 10
 
 
 def settings():
@@ -55,7 +55,7 @@ def killed_in_the_middle(told):
     def kill():
         while not killed and time.monotonic() < deadline:
             time.sleep(0.02)
-            runs = at_it() if len(told()) >= 5 else []
+            runs = at_it() if len(told()) >= 3 else []
             with contextlib.suppress(psutil.Error):
                 if runs and (worker := runs[0].parent()) is not None:
                     worker.send_signal(signal.SIGKILL)
