@@ -21,7 +21,7 @@ GASP_DATA ?= ../shared/data
 export GASP_DATA
 export ENABLE_TAICHI_HEADER_PRINT := 0
 # Two processes that share the tests out leave no core idle, and NumPy's matrix products, in a thread for every core, then
-# wait for each other, spinning: 120 ms instead of 2 for the product of 300,000 points and a rotation.
+# wait for each other: 37 ms and more instead of 2 for the product of 300,000 points and a rotation.
 test test-slow test-minimum: export OPENBLAS_NUM_THREADS := 1
 
 # The first interpreter that really runs and is new enough; PYTHON=... overrides.
