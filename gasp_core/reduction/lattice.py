@@ -37,17 +37,19 @@ def lattice_inside(
     """
     counts = np.ceil((upper - lower) / step).astype(int)
     first = (lower + upper) / 2 - step * (counts - 1) / 2
-    found: list[Array] = []
+    found: list[tuple[Array, Array]] = []
     slab = max(1, _AT_ONCE // int(counts[1] * counts[2]))
     for begin in range(0, int(counts[0]), slab):
         axes = [first[0] + step * np.arange(begin, min(begin + slab, int(counts[0])))]
         axes += [first[axis] + step * np.arange(int(counts[axis])) for axis in (1, 2)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        distances = distance_at(points)
         # The far corner of a cube is half its diagonal off.
-        found.append(points[distance_at(points) < 0.87 * step])
-    points = np.concatenate(found)
+        near = distances < 0.87 * step
+        found.append((points[near], distances[near]))
+    points, distances = (np.concatenate(part) for part in zip(*found))
     shares = np.ones(len(points))
-    cut = np.flatnonzero(distance_at(points) > -0.87 * step)
+    cut = np.flatnonzero(distances > -0.87 * step)
     inside = np.stack(
         [np.clip(0.5 - distance_at(points[cut] + step * corner) / (0.5 * step), 0.0, 1.0) for corner in _SAMPLES],
         axis=1,
