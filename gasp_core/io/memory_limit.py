@@ -11,7 +11,16 @@ from pathlib import Path
 from gasp_core.errors import GaspError
 from gasp_core.io.format_errors import malformed
 
-__all__ = ["VARIABLE", "may_take", "memory_limit", "memory_of", "most_gaussians", "refuse_too_large", "refuse_unread"]
+__all__ = [
+    "VARIABLE",
+    "available_memory",
+    "may_take",
+    "memory_limit",
+    "memory_of",
+    "most_gaussians",
+    "refuse_too_large",
+    "refuse_unread",
+]
 
 VARIABLE = "GASP_MOST_MEMORY"
 """In the environment, so that threads and processes that are started for a run know it as well."""
@@ -78,7 +87,7 @@ def most_gaussians(path: str | PathLike[str], held: int) -> int:
     """
     allowed = _allowed(path)
     if allowed is None:
-        allowed = min(may_take(held), max(_HARMLESS, _available()))
+        allowed = min(may_take(held), max(_HARMLESS, available_memory()))
     return allowed // memory_of(1, 0)
 
 
@@ -114,7 +123,7 @@ def refuse_too_large(path: str | PathLike[str], held: int, count: int, bases: in
         return
     if need > honest:
         raise malformed(path, f"{told}, which its {held:,} bytes cannot honestly mean", _REMEDY)
-    if need > _HARMLESS and need > (there := _available()):
+    if need > _HARMLESS and need > (there := available_memory()):
         raise malformed(path, f"{told}, the machine has {_size(there)} free", _REMEDY)
 
 
@@ -129,7 +138,7 @@ def refuse_unread(path: Path, size: int) -> None:
     if size <= _HARMLESS:
         return
     allowed = _allowed(path)
-    most = _available() if allowed is None else allowed
+    most = available_memory() if allowed is None else allowed
     if size > most:
         raise malformed(path, f"is {_size(size)} large, {_size(most)} of memory may be taken", _REMEDY)
 
@@ -146,7 +155,7 @@ def _allowed(path: str | PathLike[str]) -> int | None:
     return int(text)
 
 
-def _available() -> int:
+def available_memory() -> int:
     """Bytes that this process can still get: of the machine, or of the container it runs in."""
     import psutil
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import SignedDistanceField
 from gasp_core.errors import SceneError
+from gasp_core.io.memory_limit import available_memory
 from gasp_core.solid.morphology import dilated, nearest_in
 
 __all__ = ["field_of_mesh"]
@@ -27,6 +28,8 @@ _OFF = 0.2
 """Cells by which 95 % of the interpolated surface are nearer than: edges and corners are cut off,
 `benchmarks/collider_fields.py`."""
 _AT_ONCE = 2**20
+_BYTES_A_NODE = 140
+"""Of memory while distances are found, measured."""
 _LEAST = 1e-3
 """Of the volume of the box around the triangles: what encloses less is a sheet."""
 
@@ -52,7 +55,8 @@ def field_of_mesh(
     Raises
     ------
     SceneError
-        Where they enclose nothing, the thickness is less than a cell, or libigl is not installed.
+        Where they enclose nothing, the thickness is less than a cell, the grid takes more memory than there is, or
+        libigl is not installed.
     """
     try:
         import igl
@@ -71,6 +75,12 @@ def field_of_mesh(
         )
     reach = _BAND + (0 if thickness is None else int(np.ceil(thickness / 2 / spacing)))
     counts = np.ceil((upper - lower) / spacing).astype(int) + 2 * reach + 2
+    need, there = _BYTES_A_NODE * int(np.prod(counts)), available_memory()
+    if need > there:
+        raise SceneError(
+            f"{name}: a grid of {cells} cells along its longest side takes {need / 2**30:.1f} GiB of memory while"
+            f" distances are found, and the machine has {there / 2**30:.1f} GiB free: lower cells"
+        )
     origin = (lower + upper - spacing * (counts - 1)) / 2
     beside = dilated(_touched((vertices - origin) / spacing, faces, counts), reach)
     nodes = origin + spacing * np.indices(counts).reshape(3, -1).T

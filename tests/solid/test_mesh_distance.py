@@ -5,6 +5,7 @@ import pytest
 
 from gasp_core.contract import BoxShape, SphereShape
 from gasp_core.errors import SceneError
+from gasp_core.solid import mesh_distance
 from gasp_core.solid.mesh_distance import field_of_mesh
 
 trimesh = pytest.importorskip("trimesh")
@@ -84,3 +85,9 @@ def test_what_encloses_nothing_is_refused_or_a_sheet():
     np.testing.assert_allclose(field.signed_distance(heights[[0, 4]]), expected[[0, 4]], atol=1e-6)
     with pytest.raises(SceneError, match="less than a cell"):
         field_of_mesh(*square, CELLS, thickness=0.001)
+
+
+def test_a_grid_that_the_machine_has_no_room_for_is_refused_before_it_is_made(monkeypatch):
+    monkeypatch.setattr(mesh_distance, "available_memory", lambda: 2**20)
+    with pytest.raises(SceneError, match=r"tub: a grid of 48 cells .* takes 0\.0 GiB .*lower cells"):
+        field_of_mesh(*ball(2), CELLS, name="tub")
