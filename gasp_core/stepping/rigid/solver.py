@@ -27,6 +27,17 @@ _LEFT = 0.1
 """Of the slope at the beginning: less of it is near enough to none."""
 
 
+@numba.njit(inline="always", error_model="numpy")
+def _speed_at(velocity: Array, center: Array, place: Array) -> tuple[float, float, float]:
+    """Of a body that moves and turns with `velocity` (6,) about its centre, at a place."""
+    rx, ry, rz = place[0] - center[0], place[1] - center[1], place[2] - center[2]
+    return (
+        velocity[0] + velocity[4] * rz - velocity[5] * ry,
+        velocity[1] + velocity[5] * rx - velocity[3] * rz,
+        velocity[2] + velocity[3] * ry - velocity[4] * rx,
+    )
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def loaded(
     inertias: Array,
@@ -71,10 +82,8 @@ def loaded(
     for k in range(len(bodies)):
         b = bodies[k]
         rx, ry, rz = places[k, 0] - centers[b, 0], places[k, 1] - centers[b, 1], places[k, 2] - centers[b, 2]
-        v = velocities[b]
-        cx = v[0] + v[4] * rz - v[5] * ry - nodes[k, 0]
-        cy = v[1] + v[5] * rx - v[3] * rz - nodes[k, 1]
-        cz = v[2] + v[3] * ry - v[4] * rx - nodes[k, 2]
+        cx, cy, cz = _speed_at(velocities[b], centers[b], places[k])
+        cx, cy, cz = cx - nodes[k, 0], cy - nodes[k, 1], cz - nodes[k, 2]
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         approach = cx * nx + cy * ny + cz * nz
         along, across = 1.0, 1.0
@@ -145,14 +154,9 @@ def share_of_change(
     limits = np.zeros(count)
     for k in range(count):
         b = bodies[k]
-        rx, ry, rz = places[k, 0] - centers[b, 0], places[k, 1] - centers[b, 1], places[k, 2] - centers[b, 2]
-        for turn in range(2):
-            v = velocities[b] if turn == 0 else change[b]
-            cx, cy, cz = v[0] + v[4] * rz - v[5] * ry, v[1] + v[5] * rx - v[3] * rz, v[2] + v[3] * ry - v[4] * rx
-            if turn == 0:
-                relative[k] = cx - nodes[k, 0], cy - nodes[k, 1], cz - nodes[k, 2]
-            else:
-                changes[k] = cx, cy, cz
+        cx, cy, cz = _speed_at(velocities[b], centers[b], places[k])
+        relative[k] = cx - nodes[k, 0], cy - nodes[k, 1], cz - nodes[k, 2]
+        changes[k] = _speed_at(change[b], centers[b], places[k])
         approach = 0.0
         for d in range(3):
             approach += relative[k, d] * normals[k, d]
@@ -225,11 +229,8 @@ def settle_nodes(
         along, across = gates[k, 0], gates[k, 1]
         if along == 0.0 and across == 0.0:
             continue
-        rx, ry, rz = places[k, 0] - centers[b, 0], places[k, 1] - centers[b, 1], places[k, 2] - centers[b, 2]
-        v = velocities[b]
-        cx = v[0] + v[4] * rz - v[5] * ry - nodes[k, 0]
-        cy = v[1] + v[5] * rx - v[3] * rz - nodes[k, 1]
-        cz = v[2] + v[3] * ry - v[4] * rx - nodes[k, 2]
+        cx, cy, cz = _speed_at(velocities[b], centers[b], places[k])
+        cx, cy, cz = cx - nodes[k, 0], cy - nodes[k, 1], cz - nodes[k, 2]
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         inner = (along - across) * (cx * nx + cy * ny + cz * nz)
         cx, cy, cz = across * cx + inner * nx, across * cy + inner * ny, across * cz + inner * nz
