@@ -23,6 +23,7 @@ from gasp_core.solid.light import Light, light_through
 from gasp_core.solid.morphology import dilated, highest_near, large_parts
 from gasp_core.solid.options import SolidOptions
 from gasp_core.solid.sheets import sheets_outside
+from gasp_core.solid.sight import seen_areas, was_trained
 from gasp_core.solid.solid import Doubts, Sheets, Solid
 from gasp_core.solid.splatting import summed_gaussians
 from gasp_core.solid.surfels import (
@@ -69,8 +70,10 @@ _FULL = 0.7
 """Of the indicator, which is one inside: behind the surface of a body it comes up to this within two details."""
 _FRINGE = 0.2
 """Of the same: surfels farther out are fuzz. With them a noisy thin box is 1.9 % too large, rather than .5."""
+_PIXEL = 0.5
+"""Side in details of the pixels in which one looks what is seen of a surfel."""
 _SURELY = 0.3
-"""Of a surfel's area, as far as it is a surface: with so much it lies on one."""
+"""How far a surfel is a surface: with so much it lies on one."""
 _SMALL = 0.005
 """Of the largest part: what is smaller is no part of the body."""
 _FLOATING = 0.02
@@ -88,11 +91,12 @@ thin guitar that by 1.5 does to .3 %, that by 2 has lost it."""
 class _Evidence:
     """What is known before there is a body, on a grid whose spacing is the detail.
 
-    `amplified` is the optical depth that light was weakened by; `ground` the height at which the body is cut off, None
-    where its underside is as the surfels have it.
+    `rows` says which of the object's the surfels are; `amplified` is the optical depth that light was weakened by;
+    `ground` the height at which the body is cut off, None where its underside is as the surfels have it.
     """
 
     surfels: Surfels
+    rows: Array
     grid: Grid
     depth: Array
     amplified: Array
@@ -122,14 +126,16 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
         return _nothing(len(gaussians), left_out)
     detail = detail_of(surfels)
     spacing = detail if options.cells is None else float(extent_of(surfels).max()) / options.cells
-    solid, floating = _built(surfels, detail, spacing, options)
-    underside = "closed" if solid.doubts.underside_closed else "open"
-    likewise = dataclasses.replace(options, underside=underside)
+    known = _evidence(surfels, detail, spacing, options)
+    areas = _areas(surfels, detail, known.ground)
+    solid = _built(known, areas, spacing, options)
+    likewise = dataclasses.replace(options, underside="open" if known.ground is None else "closed")
     off = 0.0
     if options.wall is not None:
         solid = solid.hollowed(options.wall)
     for coarser in _COARSER:
-        coarse, _ = _built(surfels, coarser * detail, coarser * max(detail, spacing), likewise)
+        wider = coarser * max(detail, spacing)
+        coarse = _built(_evidence(surfels, coarser * detail, wider, likewise), areas, wider, likewise)
         if options.wall is not None:
             coarse = coarse.hollowed(options.wall)
         # Richardson: an error that shrinks with the resolution is what the two differ by over the ratio less one.
@@ -141,7 +147,7 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
         faint=left_out.faint,
         hazy=left_out.hazy,
         far=left_out.far,
-        floating=floating,
+        floating=len(surfels) - len(known.rows),
     )
     return dataclasses.replace(solid, doubts=doubts)
 
@@ -157,12 +163,11 @@ def _nothing(gaussians: int, left_out: LeftOut) -> Solid:
     )
 
 
-def _built(surfels: Surfels, detail: float, spacing: float, options: SolidOptions) -> tuple[Solid, int]:
-    """The solid at one size of details, and how many surfels floated."""
-    known = _evidence(surfels, detail, spacing, options)
-    normals, weights = _oriented(known)
+def _built(known: _Evidence, areas: Array, spacing: float, options: SolidOptions) -> Solid:
+    """The solid at one size of details; `areas` (N,) of all surfels are what they count for."""
+    normals, shares = _oriented(known)
     grid = _body_grid(known, spacing)
-    inside, undecided = _body(known, grid, normals, weights, options)
+    inside, undecided = _body(known, grid, normals, shares, areas[known.rows], options)
     if known.ground is not None:
         grid = grid.above(-_MARGIN)
         inside = np.concatenate([np.repeat(inside[:, :, :1], _MARGIN, axis=2), inside], axis=2)
@@ -171,14 +176,14 @@ def _built(surfels: Surfels, detail: float, spacing: float, options: SolidOption
     solid = Solid(
         grid=grid,
         distance=distance.astype(np.float32),
-        detail=detail,
+        detail=known.grid.spacing,
         sheets=Sheets.none(),
         doubts=Doubts(undecided=undecided, underside_closed=known.ground is not None),
     )
     sheets = sheets_outside(solid, known.surfels, known.depth, known.grid)
     if known.ground is not None:
         sheets = sheets.above(known.ground)
-    return dataclasses.replace(solid, sheets=sheets), len(surfels) - len(known.surfels)
+    return dataclasses.replace(solid, sheets=sheets)
 
 
 def _evidence(surfels: Surfels, detail: float, spacing: float, options: SolidOptions) -> _Evidence:
@@ -190,9 +195,11 @@ def _evidence(surfels: Surfels, detail: float, spacing: float, options: SolidOpt
     depth = depth_of(surfels, grid)
     together = large_parts(depth > OPAQUE, _FLOATING)
     near = dilated(together, 2)
-    kept = near[tuple(np.rint(grid.places(surfels.means)).astype(int).T)]
-    if kept.any():
-        surfels, depth = surfels.select(kept), np.where(near, depth, 0.0)
+    rows = np.flatnonzero(near[tuple(np.rint(grid.places(surfels.means)).astype(int).T)])
+    if len(rows):
+        surfels, depth = surfels.select(rows), np.where(near, depth, 0.0)
+    else:
+        rows = np.arange(len(surfels))
     row = round((ground + detail / 2 - grid.origin[2]) / detail)
     amplified = options.opacity_gain * depth
     above = amplified[:, :, row:]
@@ -204,6 +211,7 @@ def _evidence(surfels: Surfels, detail: float, spacing: float, options: SolidOpt
     light = from_above.over_ground(row) if closed else light_through(amplified, ground=False)
     return _Evidence(
         surfels=surfels,
+        rows=rows,
         grid=grid,
         depth=depth,
         amplified=amplified,
@@ -225,7 +233,7 @@ def _opens_below(all_round: Light, from_above: Light, amplified: Array) -> bool:
 
 
 def _oriented(known: _Evidence) -> tuple[Array, Array]:
-    """Outward unit normals (N, 3) of the surfels, and their areas (N,) as far as they are surfaces."""
+    """Outward unit normals (N, 3) of the surfels, and how far (N,) they are surfaces, 0..1."""
     surfels, spacing = known.surfels, known.grid.spacing
     places = known.grid.places(surfels.means)
     flow = interpolated([*known.light.flow], places)
@@ -239,7 +247,14 @@ def _oriented(known: _Evidence) -> tuple[Array, Array]:
     before = np.max([interpolated([known.light.share], places + step * normals)[:, 0] for step in _OUTWARD], axis=0)
     behind = interpolated([known.light.share], places - _BEHIND * normals)[:, 0]
     facing = np.minimum(before / _FACING, 1.0) ** 4
-    return normals, surfels.areas * facing * (1 - _rising(behind, *_LIT_BEHIND))
+    return normals, facing * (1 - _rising(behind, *_LIT_BEHIND))
+
+
+def _areas(surfels: Surfels, detail: float, ground: float | None) -> Array:
+    """What each surfel counts for, (N,): what one sees of it, or all of it."""
+    if was_trained(surfels):
+        return seen_areas(surfels, _PIXEL * detail, from_below=ground is None)
+    return surfels.areas
 
 
 def _body_grid(known: _Evidence, spacing: float) -> Grid:
@@ -253,7 +268,9 @@ def _body_grid(known: _Evidence, spacing: float) -> Grid:
     return grid.above(row)
 
 
-def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options: SolidOptions) -> tuple[Array, float]:
+def _body(
+    known: _Evidence, grid: Grid, normals: Array, shares: Array, areas: Array, options: SolidOptions
+) -> tuple[Array, float]:
     """A field (X, Y, Z) above zero inside, and which share of what is inside nothing has decided."""
     detail, spacing = known.grid.spacing, grid.spacing
     share, lines, amplified = (
@@ -266,13 +283,11 @@ def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options:
     air = weight * (_AIR * _rising(lines, *_FREE_LINES) + _OPEN_AIR * much_sky) * np.exp(-amplified)
     dark = weight * _INSIDE * np.clip(1 - brightest / _DARK, 0.0, 1.0)
     rows = np.flatnonzero(grid.places(known.surfels.means)[:, 2] > -0.5)
-    surfels, facing, weights = known.surfels.select(rows), normals[rows], weights[rows]
+    surfels, facing, shares = known.surfels.select(rows), normals[rows], shares[rows]
+    weights = shares * areas[rows]
     width = _KERNEL * max(detail, 0.7 * spacing)
-    areas = counted_once(surfels, weights, grid, width, detail)
-    peaks = areas * surfels.peaks(width) * spacing
-    field = np.stack(
-        [summed_gaussians(grid, surfels.means, surfels.covariances, peaks * part, width) for part in facing.T]
-    )
+    peaks = counted_once(surfels, weights, grid, width, detail) * surfels.peaks(width) * spacing
+    field = summed_gaussians(grid, surfels.means, surfels.covariances, peaks * facing.T, width)
     chi = indicator(field, air, dark)
     own, behind = interpolated([chi, highest_near(chi, round(2 * detail / spacing))], grid.places(surfels.means)).T
     # What has no body behind it says nothing of where the surface of one is.
@@ -280,7 +295,7 @@ def _body(known: _Evidence, grid: Grid, normals: Array, weights: Array, options:
     level = float(np.average(own[telling], weights=weights[telling])) if telling.any() else 0.5
     inside = (chi - level) * np.sqrt(2 * np.pi) * width
     # Where light comes from all sides alike a surfel faces nowhere.
-    surface = telling & (weights > _SURELY * surfels.areas) & facing.any(axis=1)
+    surface = telling & (shares > _SURELY) & facing.any(axis=1)
     inside = sharpened(inside, grid, surfels.means[surface], facing[surface], detail)
     small = (inside > 0) & ~large_parts(inside > 0, _SMALL)
     inside[small] = -spacing

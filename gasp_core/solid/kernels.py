@@ -1,12 +1,13 @@
 # pyright: basic
-# numba's decorators carry no types; the typed, documented faces of these kernels are splatting.py and light.py.
-"""Compiled kernels: Gaussians summed up on a grid, and what stands in the way of light through it."""
+# numba's decorators carry no types; the typed, documented faces of these are splatting.py, light.py and sight.py.
+"""Compiled kernels: Gaussians summed up on a grid, what stands in the way of light through it, and what one sees."""
 
 from __future__ import annotations
 
 import math
 
 import numba
+import numpy as np
 
 _function = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -17,14 +18,17 @@ DARK = 1e3
 
 
 @_function
-def add_gaussians(out, places, inverses, reach, peaks):
-    """Add peaks (N,) of Gaussians at places (N, 3) with inverse covariances (N, 6) to the nodes, all in spacings."""
-    nx, ny, nz = out.shape
+def add_gaussians(out, first, end, places, inverses, reach, peaks):
+    """Add peaks (F, N) of Gaussians at places (N, 3), in spacings, to fields (F, X, Y, Z), from row `first` to `end`.
+
+    Their inverse covariances are (N, 6), xx, xy, xz, yy, yz, zz.
+    """
+    fields, _, ny, nz = out.shape
     for n in range(len(places)):
         x, y, z = places[n, 0], places[n, 1], places[n, 2]
         xx, xy, xz = inverses[n, 0], 2 * inverses[n, 1], 2 * inverses[n, 2]
         yy, yz, zz = inverses[n, 3], 2 * inverses[n, 4], inverses[n, 5]
-        for i in range(max(0, math.ceil(x - reach[n, 0])), min(nx, int(x + reach[n, 0]) + 1)):
+        for i in range(max(first, math.ceil(x - reach[n, 0])), min(end, int(x + reach[n, 0]) + 1)):
             u = i - x
             for j in range(max(0, math.ceil(y - reach[n, 1])), min(ny, int(y + reach[n, 1]) + 1)):
                 v = j - y
@@ -32,7 +36,25 @@ def add_gaussians(out, places, inverses, reach, peaks):
                     w = k - z
                     square = u * (xx * u + xy * v + xz * w) + v * (yy * v + yz * w) + zz * w * w
                     if square < CUT * CUT:
-                        out[i, j, k] += peaks[n] * math.exp(-0.5 * square)
+                        value = math.exp(-0.5 * square)
+                        for f in range(fields):
+                            out[f, i, j, k] += peaks[f, n] * value
+
+
+@_function
+def inverses_of(covariances, width, scale, out):
+    """Inverses (N, 6), times `scale`, of covariances (N, 3, 3) widened by width^2; determinants are > 0."""
+    for n in range(len(covariances)):
+        xx, yy, zz = (covariances[n, 0, 0] + width**2, covariances[n, 1, 1] + width**2, covariances[n, 2, 2] + width**2)
+        xy, xz, yz = covariances[n, 0, 1], covariances[n, 0, 2], covariances[n, 1, 2]
+        first, second, third = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        over = scale / (xx * first + xy * second + xz * third)
+        out[n, 0], out[n, 1], out[n, 2] = over * first, over * second, over * third
+        out[n, 3], out[n, 4], out[n, 5] = (
+            over * (xx * zz - xz * xz),
+            over * (xy * xz - xx * yz),
+            over * (xx * yy - xy * xy),
+        )
 
 
 @_function
@@ -61,3 +83,32 @@ def depth_towards(depth, step, between, ground, out):
                 elif ground and w < 0:
                     total = DARK
                 out[i, j, k] = total
+
+
+@_function
+def shares_seen(places, conics, reach, opacities, order, through):
+    """Share (N,) of each Gaussian's picture that is not hidden by those before it in `order` (N,), front to back.
+
+    Pictures have places (N, 2), inverse covariances (N, 3) and a reach (N, 2) in pixels; `through` (X, Y) is the light
+    that passes, one at the start.
+    """
+    nx, ny = through.shape
+    shares = np.zeros(len(places))
+    for n in order:
+        x, y = places[n, 0], places[n, 1]
+        shown, whole = 0.0, 0.0
+        for i in range(max(0, math.ceil(x - reach[n, 0])), min(nx, int(x + reach[n, 0]) + 1)):
+            u = i - x
+            for j in range(max(0, math.ceil(y - reach[n, 1])), min(ny, int(y + reach[n, 1]) + 1)):
+                v = j - y
+                square = u * (conics[n, 0] * u + 2 * conics[n, 1] * v) + conics[n, 2] * v * v
+                if square < CUT * CUT:
+                    alpha = opacities[n] * math.exp(-0.5 * square)
+                    shown += alpha * through[i, j]
+                    whole += alpha
+                    through[i, j] *= 1 - alpha
+        if whole > 0:
+            shares[n] = shown / whole
+        else:
+            shares[n] = through[min(nx - 1, int(x + 0.5)), min(ny - 1, int(y + 0.5))]
+    return shares

@@ -67,6 +67,11 @@ class Surfels:
         """2 pi s_2 s_3 tau, (N,): what each stands for where no other overlaps it."""
         return 2 * np.pi * self.depths * np.sqrt(self.variances[:, 1] * self.variances[:, 2])
 
+    @property
+    def opacities(self) -> Array:
+        """1 - exp(-tau), (N,)."""
+        return -np.expm1(-self.depths)
+
     def peaks(self, width: float) -> Array:
         """Highest values (N,) of the densities of one when they are widened by `width`."""
         wide = np.linalg.det(self.covariances + width**2 * np.eye(3))
@@ -134,7 +139,7 @@ def depth_of(surfels: Surfels, grid: Grid) -> Array:
     second, third = surfels.variances[:, 1], surfels.variances[:, 2]
     # What is smaller than a cell covers less than all of it.
     covered = np.sqrt(second * third / ((second + width**2) * (third + width**2)))
-    return summed_gaussians(grid, surfels.means, surfels.covariances, surfels.depths * covered, width)
+    return summed_gaussians(grid, surfels.means, surfels.covariances, (surfels.depths * covered)[None], width)[0]
 
 
 def counted_once(surfels: Surfels, weights: Array, grid: Grid, width: float, detail: float) -> Array:
@@ -142,7 +147,8 @@ def counted_once(surfels: Surfels, weights: Array, grid: Grid, width: float, det
 
     `weights` (N,) are the areas each would have alone. What is smoothed over `width` counts as one layer.
     """
-    density = summed_gaussians(grid, surfels.means, surfels.covariances, weights * surfels.peaks(width), width)
+    peaks = weights * surfels.peaks(width)
+    density = summed_gaussians(grid, surfels.means, surfels.covariances, peaks[None], width)[0]
     # At the rim of a leaf, and of the fuzz of a wall, there are few, and they are part of it all the same.
     density = np.maximum(density, 0.7 * highest_near(density, round(2 * detail / grid.spacing)))
     layers = interpolated([density], grid.places(surfels.means))[:, 0] * np.sqrt(2 * np.pi) * width

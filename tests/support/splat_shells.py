@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from gasp_core.gaussians import Gaussians, rotation_quaternions
 
-__all__ = ["SHAPES", "Shape", "discs", "shell"]
+__all__ = ["SHAPES", "Shape", "discs", "shell", "trained_shell"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +163,23 @@ def shell(shape: Shape, *, count: int = 20_000, holes: float = 0.0, noise: float
     points = points + normals * rng.normal(size=(count, 1)) * noise
     opacities = rng.uniform(0.5, 1.0, count)
     return discs(points[kept], normals[kept], scales[kept], opacities[kept], rng)
+
+
+def trained_shell(shape: Shape, *, count: int = 20_000, depth: float = 0.06, seed: int = 0) -> Gaussians:
+    """A splat of a body as training leaves them: behind what one sees as many Gaussians that nobody ever saw.
+
+    They face anywhere, are as opaque as it happens, and lie up to `depth` of the size behind the surface.
+    """
+    rng = np.random.default_rng(seed)
+    seen = shell(shape, count=count, seed=seed)
+    points, normals = shape.surface(count, rng)
+    points = points - normals * rng.uniform(0.0, depth * shape.size, (count, 1))
+    scales = np.sqrt(shape.area / count) * rng.uniform(0.5, 1.5, (count, 2))
+    hidden = discs(points, _unit(rng.normal(size=(count, 3))), scales, rng.uniform(0.05, 1.0, count), rng)
+    both = (seen, hidden)
+    return Gaussians(
+        **{field.name: np.concatenate([getattr(each, field.name) for each in both]) for field in fields(seen)}
+    )
 
 
 def discs(points, normals, scales, opacities, rng) -> Gaussians:

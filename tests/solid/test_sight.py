@@ -1,0 +1,102 @@
+"""A body ends where one sees it, whatever training has left behind that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from seen_surface import places_seen
+from splat_shells import SHAPES, discs, shell, trained_shell
+
+from gasp_core.io import read_splat
+from gasp_core.scene.objects import SplatObject
+from gasp_core.scene.selection import place_object
+from gasp_core.solid import SolidOptions, building, solid_of
+from gasp_core.solid.sight import seen_areas, was_trained
+from gasp_core.solid.surfels import surfels_of
+
+CAPTURES = ["statue-angel.sog", "skull.sog", "plant.splat"]
+
+
+def surfels(gaussians):
+    found, _ = surfels_of(gaussians)
+    assert len(found) == len(gaussians)
+    return found
+
+
+def test_of_what_lies_behind_another_one_sees_what_shows_beside_it():
+    rng = np.random.default_rng(0)
+    far = np.array([[1.0, 0.9, 0.0], [-1.0, -0.8, 0.2], [0.7, -0.6, 0.3]])
+    means = np.concatenate([[[0.0, 0.0, 0.51], [0.0, 0.0, 0.5]], far])
+    radii = np.array([0.05, 0.1, 0.01, 0.01, 0.01])
+    upward = np.tile([0.0, 0.0, 1.0], (5, 1))
+    five = surfels(discs(means, upward, np.stack([radii, radii], axis=1), np.full(5, 0.99), rng))
+    areas = seen_areas(five, 0.005, from_below=False)
+    # Twice the mean over the sides, for a body hides it from half of them; nothing hides the upper one here.
+    shares = areas / (2 * 2 * np.pi * radii**2 * 0.99)
+    assert shares[[0, 2, 3, 4]] == pytest.approx(1.0, abs=1e-3)
+    # Seen from above and aslant, from five sides of nine, both are in line: of the lower one's picture e^(-r^2 / 2 S^2)
+    # the upper one hides .99 e^(-r^2 / 2 s^2) at each place, .99 s^2 / (s^2 + S^2) in all. They end at 3 s: .989 of it.
+    hidden = 0.99 * 0.05**2 / (0.05**2 + 0.1**2)
+    assert 1 - shares[1] == pytest.approx(5 / 9 * hidden, rel=0.03)
+
+
+@pytest.mark.parametrize("layers", [6, 24])
+def test_areas_add_up_to_that_of_a_convex_body_however_many_layers_there_are(layers):
+    # Cauchy: what is opaque shows, on the mean over all sides and both faces, each of its places half of the time.
+    shape = SHAPES["sphere"]
+    count = 20_000 * layers // 6
+    found = surfels(shell(shape, count=20_000, seed=1))
+    if layers > 6:
+        rows = np.repeat(np.arange(len(found)), count // len(found))
+        found = found.select(rows)
+    assert seen_areas(found, 0.01, from_below=True).sum() == pytest.approx(shape.area, rel=0.1)
+
+
+def test_what_training_leaves_is_told_from_what_was_sampled():
+    assert not was_trained(surfels(shell(SHAPES["cube"], holes=0.05, noise=0.01)))
+    assert was_trained(surfels_of(trained_shell(SHAPES["cube"]))[0])
+
+
+@pytest.mark.parametrize(
+    ("file", "trained"),
+    [
+        *((f"splats/{name}", True) for name in CAPTURES),
+        ("splats/playbot/3_0", True),
+        ("meshlike/spot_10k.splat", False),
+        ("dynamic/monkey_flipbook/monkey_0001.sog", False),
+    ],
+)
+def test_which_captures_were_trained(file, trained, data):
+    found, _ = surfels_of(read_splat(data / file))
+    assert was_trained(found) == trained
+
+
+@pytest.mark.parametrize("name", ["sphere", "thin box", "open dome"])
+def test_what_nobody_saw_moves_no_surface(name, monkeypatch):
+    shape = SHAPES[name]
+    splat = trained_shell(shape)
+    options = SolidOptions(cells=64)
+    seen = places_seen(splat, 8)
+    # The front layer is on the body, and is what one sees.
+    assert np.abs(np.median(shape.distance(seen))) < 0.001 * shape.size
+    solid = solid_of(splat, options)
+    assert solid.volume == pytest.approx(shape.volume, rel=0.025)
+    off = np.median(solid.distance_at(seen))
+    monkeypatch.setattr(building, "was_trained", lambda _: False)
+    assert 0 <= off < 0.6 * np.median(solid_of(splat, options).distance_at(seen))
+
+
+@pytest.mark.parametrize("name", CAPTURES)
+def test_the_body_of_a_capture_ends_where_one_sees_it(name, data):
+    item = SplatObject(name="it", splat=data / "splats" / name, static=True, height=0.4)
+    gaussians = place_object(item, read_splat(item.splat)).gaussians
+    solid = solid_of(gaussians)
+    seen = places_seen(gaussians, 50)
+    off = solid.distance_at(seen)
+    # Leaves and strings are no part of the inside, and their sheets are where they are.
+    sheets = solid.sheets.positions
+    apart = np.array([np.linalg.norm(sheets - place, axis=1).min(initial=np.inf) for place in seen])
+    body = off[apart > solid.detail] / solid.detail
+    assert len(body) > 100
+    # Surfels are smoothed by half a detail: half of that. With all of them counted alike it is .45 to .49.
+    assert abs(np.median(body)) < 0.25
