@@ -47,19 +47,21 @@ def seen_areas(surfels: Surfels, pixel: float, from_below: bool) -> Array:
     from_below
         Whether one looks from below as well.
     """
-    views = [way for way in _VIEWS if from_below or way[2] >= 0]
+    ways = [np.array(way, dtype=np.float64) for way in _VIEWS if from_below or way[2] >= 0]
+
+    def shares(way: Array) -> Array:
+        return _shares(surfels, way / np.linalg.norm(way), pixel)
+
+    total = np.zeros(len(surfels))
     with ThreadPoolExecutor(processors()) as pool:
-        shares = pool.map(lambda way: _shares(surfels, np.array(way, dtype=np.float64), pixel), views)
-        total = np.zeros(len(surfels))
-        for each in shares:
+        for each in pool.map(shares, ways):
             total += each
     across = 2 * np.pi * np.sqrt(surfels.variances[:, 1] * surfels.variances[:, 2])
-    return 2 * across * surfels.opacities * total / len(views)
+    return 2 * across * surfels.opacities * total / len(ways)
 
 
 def _shares(surfels: Surfels, way: Array, pixel: float) -> Array:
-    """Share (N,) of what each would show by itself that is seen along -`way` (3,)."""
-    way = way / np.linalg.norm(way)
+    """Share (N,) of what each would show by itself that is seen from where the unit vector `way` (3,) points to."""
     right = np.cross(way, (1.0, 0.0, 0.0) if abs(way[0]) < 0.5 else (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     plane = np.stack([right, np.cross(way, right)])

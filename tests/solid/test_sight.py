@@ -26,7 +26,7 @@ def surfels(gaussians):
 def test_of_what_lies_behind_another_one_sees_what_shows_beside_it():
     rng = np.random.default_rng(0)
     far = np.array([[1.0, 0.9, 0.0], [-1.0, -0.8, 0.2], [0.7, -0.6, 0.3]])
-    means = np.concatenate([[[0.0, 0.0, 0.51], [0.0, 0.0, 0.5]], far])
+    means = np.concatenate([[[0.0, 0.0, 0.53], [0.0, 0.0, 0.5]], far])
     radii = np.array([0.05, 0.1, 0.01, 0.01, 0.01])
     upward = np.tile([0.0, 0.0, 1.0], (5, 1))
     five = surfels(discs(means, upward, np.stack([radii, radii], axis=1), np.full(5, 0.99), rng))
@@ -34,10 +34,12 @@ def test_of_what_lies_behind_another_one_sees_what_shows_beside_it():
     # Twice the mean over the sides, for a body hides it from half of them; nothing hides the upper one here.
     shares = areas / (2 * 2 * np.pi * radii**2 * 0.99)
     assert shares[[0, 2, 3, 4]] == pytest.approx(1.0, abs=1e-3)
-    # Seen from above and aslant, from five sides of nine, both are in line: of the lower one's picture e^(-r^2 / 2 S^2)
-    # the upper one hides .99 e^(-r^2 / 2 s^2) at each place, .99 s^2 / (s^2 + S^2) in all. They end at 3 s: .989 of it.
-    hidden = 0.99 * 0.05**2 / (0.05**2 + 0.1**2)
-    assert 1 - shares[1] == pytest.approx(5 / 9 * hidden, rel=0.03)
+    # From above the upper one hides .99 e^(-r^2 / 2 s^2) of the lower one's e^(-r^2 / 2 S^2) at each place, which is
+    # .99 s^2 / (s^2 + S^2) in all. From the four sides that are aslant, by atan sqrt 2, it is e^(-h^2 / (s^2 + S^2)) of
+    # that at a height h above it, and from the other four nothing. Pictures end at three standard deviations: e^-4.5.
+    within = 0.05**2 + 0.1**2
+    hidden = 0.99 * 0.05**2 / within * (1 + 4 * np.exp(-(0.03**2) / within)) / 9
+    assert 1 - shares[1] == pytest.approx(hidden, rel=0.03)
 
 
 @pytest.mark.parametrize("layers", [6, 24])
