@@ -127,7 +127,7 @@ def solid_of(gaussians: Gaussians, options: SolidOptions | None = None) -> Solid
     detail = detail_of(surfels)
     spacing = detail if options.cells is None else float(extent_of(surfels).max()) / options.cells
     known = _evidence(surfels, detail, spacing, options)
-    areas = _areas(surfels, detail, known.ground)
+    areas = _areas(surfels, detail, known.ground, options.surface)
     solid = _built(known, areas, spacing, options)
     likewise = dataclasses.replace(options, underside="open" if known.ground is None else "closed")
     off = 0.0
@@ -250,9 +250,9 @@ def _oriented(known: _Evidence) -> tuple[Array, Array]:
     return normals, facing * (1 - _rising(behind, *_LIT_BEHIND))
 
 
-def _areas(surfels: Surfels, detail: float, ground: float | None) -> Array:
-    """What each surfel counts for, (N,): what one sees of it, or all of it."""
-    if was_trained(surfels):
+def _areas(surfels: Surfels, detail: float, ground: float | None, surface: str) -> Array:
+    """What each surfel counts for, (N,): what one sees of it, or all of it; see `SolidOptions.surface`."""
+    if surface == "seen" or (surface == "auto" and was_trained(surfels)):
         return seen_areas(surfels, _PIXEL * detail, from_below=ground is None)
     return surfels.areas
 

@@ -36,6 +36,10 @@ class SolidOptions:
     wall
         Thickness of that shell; in the unit of the Gaussians, in a scene [m]. What is thinner than two details of the
         solid has no exact volume.
+    surface
+        "seen": the body ends where one sees it, each Gaussian counts by what shows of it from all round. "middle": in
+        the middle of its Gaussians, seen or not. "auto": seen if the splat was trained, so that a twentieth of its
+        Gaussians or more is of an opacity below .4; what was made from a mesh, or sampled, is as opaque all over.
 
     Raises
     ------
@@ -49,6 +53,7 @@ class SolidOptions:
     underside: Literal["auto", "closed", "open"] = "auto"
     interior: Literal["auto", "filled", "hollow"] = "auto"
     wall: float | None = None
+    surface: Literal["auto", "seen", "middle"] = "auto"
 
     def __post_init__(self) -> None:
         if self.cells is not None:
@@ -57,7 +62,11 @@ class SolidOptions:
             finite(self, "cells", low=8, high=256)
         finite(self, "opacity_gain", low=0.1, high=100.0)
         finite(self, "holes", low=0.0, high=1.0)
-        for name, known in (("underside", ("auto", "closed", "open")), ("interior", ("auto", "filled", "hollow"))):
+        for name, known in (
+            ("underside", ("auto", "closed", "open")),
+            ("interior", ("auto", "filled", "hollow")),
+            ("surface", ("auto", "seen", "middle")),
+        ):
             if getattr(self, name) not in known:
                 words = ", ".join(f'"{word}"' for word in known)
                 raise SceneError(f"SolidOptions.{name} must be one of {words}, found {getattr(self, name)!r}")

@@ -10,7 +10,7 @@ from splat_shells import SHAPES, discs, shell, trained_shell
 from gasp_core.io import read_splat
 from gasp_core.scene.objects import SplatObject
 from gasp_core.scene.selection import place_object
-from gasp_core.solid import SolidOptions, building, solid_of
+from gasp_core.solid import SolidOptions, solid_of
 from gasp_core.solid.sight import seen_areas, was_trained
 from gasp_core.solid.surfels import surfels_of
 
@@ -74,7 +74,7 @@ def test_which_captures_were_trained(file, trained, data):
 
 
 @pytest.mark.parametrize("name", ["sphere", "thin box", "open dome"])
-def test_what_nobody_saw_moves_no_surface(name, monkeypatch):
+def test_what_nobody_saw_moves_no_surface(name):
     shape = SHAPES[name]
     splat = trained_shell(shape)
     options = SolidOptions(cells=64)
@@ -84,8 +84,16 @@ def test_what_nobody_saw_moves_no_surface(name, monkeypatch):
     solid = solid_of(splat, options)
     assert solid.volume == pytest.approx(shape.volume, rel=0.025)
     off = np.median(solid.distance_at(seen))
-    monkeypatch.setattr(building, "was_trained", lambda _: False)
-    assert 0 <= off < 0.6 * np.median(solid_of(splat, options).distance_at(seen))
+    middle = solid_of(splat, SolidOptions(cells=64, surface="middle"))
+    assert 0 <= off < 0.6 * np.median(middle.distance_at(seen))
+
+
+def test_which_surface_is_meant_can_be_said():
+    splat = shell(SHAPES["sphere"], noise=0.01)
+    told = {surface: solid_of(splat, SolidOptions(surface=surface)).volume for surface in ("auto", "middle", "seen")}
+    assert told["auto"] == told["middle"] == pytest.approx(SHAPES["sphere"].volume, rel=0.01)
+    # Of Gaussians that are scattered by .01 one sees the outer ones.
+    assert 1.02 < told["seen"] / told["middle"] < (1 + 0.01 / 0.5) ** 3
 
 
 @pytest.mark.parametrize("name", CAPTURES)
