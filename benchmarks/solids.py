@@ -3,9 +3,9 @@
     GASP_DATA=... python benchmarks/solids.py [--seeds 5]
 
 Errors are means over the seeds, in percent of the volume, of the size (centre) and of the largest moment (inertia), and
-in cells of 1/64 for distances within two cells of the surface: root mean square, and the largest of all seeds. "seen" is
-how far off the body's surface what one sees of a capture is, in details, sheets left out: quartiles, with every Gaussian
-counted alike (surface = "middle") and by default.
+in cells of 1/64 for distances within two cells of the surface: root mean square, and the largest of all seeds. "seen":
+how far off the body's surface, in details, what one sees of a capture is, sheets left out: quartiles, with every
+Gaussian counted alike (surface = "middle") and by default.
 """
 
 import argparse
