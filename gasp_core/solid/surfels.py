@@ -13,7 +13,17 @@ from gasp_core.solid.grid import Grid, interpolated
 from gasp_core.solid.morphology import highest_near
 from gasp_core.solid.splatting import summed_gaussians
 
-__all__ = ["LeftOut", "Surfels", "counted_once", "depth_of", "detail_of", "extent_of", "lowest_layer", "surfels_of"]
+__all__ = [
+    "LeftOut",
+    "Surfels",
+    "counted_once",
+    "depth_of",
+    "detail_of",
+    "extent_of",
+    "layers_of",
+    "lowest_layer",
+    "surfels_of",
+]
 
 Array = NDArray[Any]
 
@@ -142,16 +152,25 @@ def depth_of(surfels: Surfels, grid: Grid) -> Array:
     return summed_gaussians(grid, surfels.means, surfels.covariances, (surfels.depths * covered)[None], width)[0]
 
 
+def layers_of(surfels: Surfels, weights: Array, grid: Grid, width: float, around: int = 0) -> Array:
+    """In how many layers (N,) surfels of `weights` (N,), their areas, lie at each, counted within `width` of it.
+
+    With `around` as many as .7 of the most there are so many nodes off.
+    """
+    peaks = weights * surfels.peaks(width)
+    density = summed_gaussians(grid, surfels.means, surfels.covariances, peaks[None], width)[0]
+    if around:
+        density = np.maximum(density, 0.7 * highest_near(density, around))
+    return interpolated([density], grid.places(surfels.means))[:, 0] * np.sqrt(2 * np.pi) * width
+
+
 def counted_once(surfels: Surfels, weights: Array, grid: Grid, width: float, detail: float) -> Array:
     """Areas (N,) whose sum is that of the surface, however many surfels overlap there.
 
     `weights` (N,) are the areas each would have alone. What is smoothed over `width` counts as one layer.
     """
-    peaks = weights * surfels.peaks(width)
-    density = summed_gaussians(grid, surfels.means, surfels.covariances, peaks[None], width)[0]
     # At the rim of a leaf, and of the fuzz of a wall, there are few, and they are part of it all the same.
-    density = np.maximum(density, 0.7 * highest_near(density, round(2 * detail / grid.spacing)))
-    layers = interpolated([density], grid.places(surfels.means))[:, 0] * np.sqrt(2 * np.pi) * width
+    layers = layers_of(surfels, weights, grid, width, around=round(2 * detail / grid.spacing))
     return weights / np.maximum(layers, 0.25)
 
 
