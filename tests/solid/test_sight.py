@@ -113,7 +113,7 @@ def test_the_body_of_a_capture_ends_where_one_sees_it(name, data):
 
 
 def mug(depth, rng, wall=0.1, density=30_000):
-    """One of the inner width .8, in flat Gaussians that are as opaque all over, and its volume and that of its hollow."""
+    """One of the inner width .8, in flat Gaussians as opaque all over; its volume, and that of its hollow."""
     outer, inner, high = 0.4 + wall, 0.4, depth + wall
 
     def tube(radius, bottom, way):
