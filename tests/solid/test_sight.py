@@ -82,7 +82,8 @@ def test_what_nobody_saw_moves_no_surface(name):
     # The front layer is on the body, and is what one sees.
     assert np.abs(np.median(shape.distance(seen))) < 0.001 * shape.size
     solid = solid_of(splat, options)
-    assert solid.volume == pytest.approx(shape.volume, rel=0.025)
+    # An eighth of a detail off: a quarter of what surfels are smoothed by.
+    assert abs(solid.volume - shape.volume) < shape.area * solid.detail / 8
     off = np.median(solid.distance_at(seen))
     middle = solid_of(splat, SolidOptions(cells=64, surface="middle"))
     assert 0 <= off < 0.6 * np.median(middle.distance_at(seen))
