@@ -45,6 +45,7 @@ def declared(capabilities: EngineCapabilities, precision: Precision) -> list[str
         "pair-contacts": can.pair_contacts,
         "moving-colliders": can.moving_colliders,
         "restitution": can.restitution,
+        "rigid-parts": can.rigid_parts,
         "material-damping": can.material_damping,
         "cohesion": can.cohesion,
         "trajectories": can.trajectories,

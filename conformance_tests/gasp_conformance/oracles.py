@@ -26,6 +26,7 @@ __all__ = [
     "free_fall",
     "gravity_parameter",
     "heavy_beam_drop",
+    "loaded_bar_frequency",
     "incline_acceleration",
     "manufactured_body_force",
     "manufactured_displacement",
@@ -101,6 +102,16 @@ def confined_modulus(youngs_modulus: float, poissons_ratio: float) -> float:
     """
     nu = poissons_ratio
     return youngs_modulus * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+
+
+def loaded_bar_frequency(length: float, speed: float, ratio: float) -> float:
+    """First frequency [Hz] of a bar held at one end with a weight of `ratio` times its mass at the other.
+
+    u = sin(b x / L) sin(w t), w = b c / L, and M u_tt = -E A u_x at the weight: b tan b = m / M (Graff, "Wave Motion in
+    Elastic Solids", 2.3).
+    """
+    root = brentq(lambda b: b * math.tan(b) - 1 / ratio, 1e-9, math.pi / 2 - 1e-9)
+    return root * speed / (2 * math.pi * length)
 
 
 def fixed_free_bar_mean(time: ArrayLike, length: float, speed: float, start_speed: float) -> Array:

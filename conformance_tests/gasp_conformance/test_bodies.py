@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gasp_conformance import body_cases, rigid_cases
+from gasp_conformance import body_cases, rigid_cases, rigid_part_cases
 from gasp_conformance.bounds import rounding
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
@@ -225,3 +225,27 @@ def test_rigid_bodies_bounce(subject: Subject, ledger: Ledger, need: Need) -> No
         ledger.at_most("cradle", f"speed of ball {ball} - closed form", float(speed) - closed, 1e-3)
     ledger.at_most("cradle", "kinetic energy / start - 1", cradle.energy - 1, 1e-3)
     ledger.at_most("cradle", "change of momentum", cradle.momentum, rounding(subject, cradle.substep_count))
+
+
+@check("rigid-parts[hang]", Level.CAPABILITY)
+def test_a_rigid_part_hangs(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """A rigid weight at the end of an elastic rod stretches it as its weight does, and swings as its mass does."""
+    need(subject.descriptor.capabilities.rigid_parts, "rigid parts of bodies that deform")
+    hanging = rigid_part_cases.weight_hangs(subject)
+    # What holds the rod is felt to a quarter of a cell, and where it is welded is known to half of one. A frequency
+    # goes with the root of the length.
+    bound = 0.75 / rigid_part_cases.ROD_CELLS
+    ledger.at_most("weight on a rod", "stretch / closed form - 1", hanging.stretch, bound)
+    ledger.at_most("weight on a rod", "frequency / closed form - 1", hanging.frequency, bound / 2)
+
+
+@check("rigid-parts[fly]", Level.CAPABILITY)
+def test_a_rigid_part_flies(subject: Subject, ledger: Ledger, need: Need) -> None:
+    """A block with a soft handle spins as one: nothing parts them, and what one gets the other gives."""
+    need(subject.descriptor.capabilities.rigid_parts, "rigid parts of bodies that deform")
+    need(Field.VELOCITIES in subject.descriptor.capabilities.output_fields, "that it reports velocities")
+    flight = rigid_part_cases.hammer_flies(subject)
+    ledger.at_most("hammer", "farther apart [cells]", flight.apart, 0.1)
+    ledger.at_most("hammer", "change of momentum", flight.momentum, rounding(subject, flight.substep_count))
+    ledger.at_most("hammer", "change of angular momentum", flight.spin, 0.02)
+    ledger.at_most("hammer", "kinetic energy / start - 1", max(flight.energy - 1, 0.0), 1e-2)

@@ -73,6 +73,7 @@ SHOWN = {
     "pair-contacts",
     "moving-colliders",
     "restitution",
+    "rigid-parts",
     "material-damping",
     "cohesion",
     "trajectories",

@@ -91,6 +91,7 @@ EVERYTHING = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    rigid_parts=True,
     material_damping=True,
     cohesion=True,
     trajectories=True,

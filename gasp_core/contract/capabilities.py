@@ -96,6 +96,9 @@ def needs(
         if force.region is not None:
             asked.append(_region_need(force.region, f"force field {number}"))
     asked += _contact_needs(problem, body_names)
+    whose = dict.fromkeys(_called(host, body_names) for host in problem.rigid_parts.values())
+    if whose:
+        asked.append(Need(f"has no rigid parts of bodies that deform ({', '.join(whose)})", "rigid_parts"))
     if problem.trajectories is not None:
         asked.append(Need("leads no points along trajectories", "trajectories"))
     if problem.domain is not None:
@@ -124,12 +127,16 @@ def _contact_needs(problem: PointProblem, body_names: Sequence[str]) -> list[Nee
     if default != DEFAULT_BODY_CONTACT and problem.points.body_ids.any():
         asked.append(Need(f'knows no contact "{default.contact.value}" of bodies', "body_contacts", default.contact))
     for (low, high), contact in problem.pair_contacts.items():
-        names = [f'"{body_names[body]}"' if body < len(body_names) else f"body {body}" for body in (low, high)]
+        names = [_called(body, body_names) for body in (low, high)]
         where = f"{names[0]} and {names[1]}"
         asked.append(Need(f'knows no contact "{contact.contact.value}" of {where}', "body_contacts", contact.contact))
         if contact != default:
             asked.append(Need(f"has one contact for all bodies, none of {where} alone", "pair_contacts"))
     return asked
+
+
+def _called(body: int, names: Sequence[str]) -> str:
+    return f'"{names[body]}"' if body < len(names) else f"body {body}"
 
 
 def _region_need(region: Shape, where: str) -> Need:
@@ -214,7 +221,7 @@ def _material_users(problem: PointProblem, body_names: Sequence[str]) -> list[st
     users: list[str | None] = []
     for row in range(len(problem.materials)):
         bodies = [int(body) for body in pairs[pairs[:, 0] == row, 1]]
-        named = [f'"{body_names[body]}"' for body in bodies if 0 <= body < len(body_names)]
+        named = list(dict.fromkeys(f'"{body_names[body]}"' for body in bodies if 0 <= body < len(body_names)))
         if not bodies:
             users.append(None)
         elif not named:

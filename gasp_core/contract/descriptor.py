@@ -19,7 +19,7 @@ __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "Engine
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 4)
+CONTRACT_VERSION = (1, 5)
 """Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
 
 A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says
@@ -41,6 +41,8 @@ class EngineCapabilities:
         Whether colliders may move, as their `Collider.motion` says.
     restitution
         Whether rigid bodies bounce as their `Rigid.restitution` says.
+    rigid_parts
+        Whether rigid bodies may be parts of others that deform, as `PointProblem.rigid_parts` says.
     material_damping
         Whether elastic matter is damped as its `mass_damping` and `stiffness_damping` say.
     cohesion
@@ -94,6 +96,7 @@ class EngineCapabilities:
     pair_contacts: bool = False
     moving_colliders: bool = False
     restitution: bool = False
+    rigid_parts: bool = False
     material_damping: bool = False
     cohesion: bool = False
     trajectories: bool = False

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract.forcing import DEFAULT_BODY_CONTACT, BodyContact, Collider, Domain, Drive, ForceField
-from gasp_core.contract.materials import Material
+from gasp_core.contract.materials import Material, Rigid
 from gasp_core.contract.trajectories import Trajectories
 from gasp_core.contract.validation import finite_vector, frozen_array
 from gasp_core.errors import SceneError
@@ -103,6 +103,9 @@ class PointProblem:
     that declares no `EngineCapabilities.body_contacts` lets them meet in its own way."""
     pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
     """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""
+    rigid_parts: Mapping[int, int] = field(default_factory=dict[int, int])
+    """Rigid bodies that are parts of others that deform, numbers of both: what lies between them holds, however it is
+    pulled. For engines that declare `EngineCapabilities.rigid_parts`."""
     trajectories: Trajectories | None = None
     """Of points that are led, for engines that declare `EngineCapabilities.trajectories`."""
     hints: tuple[object, ...] = ()
@@ -123,12 +126,22 @@ class PointProblem:
                 raise SceneError(
                     f"PointProblem.pair_contacts: ({low}, {high}) must be two of the {bodies} bodies, the lower first"
                 )
+        for part, host in self.rigid_parts.items():
+            self._check_part(part, host)
         if self.trajectories is not None and self.trajectories.rows[-1] >= len(ids):
             raise SceneError(
                 f"Trajectories.rows must be rows of the {len(ids)} points, found {int(self.trajectories.rows[-1])}"
             )
         for name, column in self.points.material_columns.items():
             _check_column(name, column, ids, self.materials)
+
+    def _check_part(self, part: int, host: int) -> None:
+        is_rigid = np.array([isinstance(material, Rigid) for material in self.materials])[self.points.material_ids]
+        own, others = (is_rigid[self.points.body_ids == body] for body in (part, host))
+        if not (len(own) and own.all() and len(others) and not others.any()):
+            raise SceneError(
+                f"PointProblem.rigid_parts: body {part} of body {host} must be one that is rigid of one that deforms"
+            )
 
     def contact_between(self, first: int, second: int) -> BodyContact:
         """How two bodies meet, by their numbers in either order."""

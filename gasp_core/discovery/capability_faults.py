@@ -38,6 +38,7 @@ _CLASSES: dict[str, type | None] = {
 }
 _FLAGS = (
     "iterates", "carries_tracers", "checkpoints", "pair_contacts", "moving_colliders", "restitution",
+    "rigid_parts",
     "material_damping", "cohesion", "trajectories", "device_indices", "unconditionally_stable",
 )  # fmt: skip
 

@@ -114,6 +114,7 @@ def _capabilities(can: EngineCapabilities) -> dict[str, Any]:
         "pair_contacts": can.pair_contacts,
         "moving_colliders": can.moving_colliders,
         "restitution": can.restitution,
+        "rigid_parts": can.rigid_parts,
         "material_damping": can.material_damping,
         "cohesion": can.cohesion,
         "drives": sorted(drive.kind for drive in can.drives),

@@ -65,6 +65,7 @@ def mpm_descriptor(
             pair_contacts=True,
             moving_colliders=True,
             restitution=True,
+            rigid_parts=True,
             material_damping=True,
             cohesion=True,
             trajectories=True,

@@ -54,6 +54,7 @@ EVERYTHING = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    rigid_parts=True,
     material_damping=True,
     trajectories=True,
     cohesion=True,
@@ -107,7 +108,8 @@ def problem(material_ids=(0, 1), body_ids=(0, 1), tracers=None, columns=None, **
 
 FULL = problem(
     material_ids=(0, 1, 3),
-    body_ids=(0, 1, 0),
+    body_ids=(0, 1, 2),
+    rigid_parts={2: 0},
     tracers=np.zeros((1, 3)),
     columns={"density": np.array([2.0, math.nan, math.nan])},
     colliders=(Collider(shape=FLOOR), Collider(shape=BALL, contact=ContactCondition.SLIP, motion=SteadyMotion())),
@@ -123,7 +125,7 @@ ASKED = {
     "precision": Precision.FLOAT64,
     "fields": frozenset({Field.POSITIONS, Field.DEFORMATION_GRADIENTS}),
     "checkpoints": True,
-    "body_names": ["bear", "bucket"],
+    "body_names": ["bear", "bucket", "bear"],
 }
 
 LESS = {
@@ -133,6 +135,7 @@ LESS = {
     "knows no colliders that move (collider 2)": {"moving_colliders": False},
     'has no restitution of rigid bodies (object "bear")': {"restitution": False},
     'damps no elastic (object "bear")': {"material_damping": False},
+    'has no rigid parts of bodies that deform ("bear")': {"rigid_parts": False},
     "leads no points along trajectories": {"trajectories": False},
     'has no cohesion of sand (object "bucket")': {"cohesion": False},
     'knows no drive "impulse" (drive 2)': {"drives": frozenset({Pinned})},

@@ -83,7 +83,7 @@ class Unmoved(Session):
             meet = world._met
 
             def unmoved(*given: Any) -> tuple[Array, Array]:
-                return given[4], meet(*given)[1]
+                return given[5], meet(*given)[1]
 
             world._met = unmoved
 
@@ -92,6 +92,7 @@ class Unmoved(Session):
     "rigid-bodies-feel-nothing",
     {
         "material:rigid[collide]": "they did not meet|change of momentum",
+        "rigid-parts[fly]": "change of momentum|farther apart",
         "material:rigid[sand]": "deeper than in a liquid",
         "material:rigid[water]": "deeper than Archimedes has it",
     },
@@ -154,3 +155,31 @@ class RigidBodiesGrow(Mutant):
     """Their rotation is summed up and never made one again."""
 
     session = Summed
+
+
+@mutant(
+    "parts-fall-off",
+    {"rigid-parts[hang]": "stretch / closed form - 1", "rigid-parts[fly]": "farther apart"},
+)
+class PartsFallOff(Mutant):
+    """Rigid parts of bodies that deform are bodies like others."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return replace(problem, rigid_parts={})
+
+
+class Straying(Session):
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        side = getattr(self.inner, "_rigid", None)
+        if side is not None:
+            nothing = np.zeros(0, dtype=np.int64)
+            welds = replace(side.welds, rows=nothing, parts=nothing, starts=np.zeros((0, 3)))
+            self.inner._rigid = replace(side, welds=welds)
+
+
+@mutant("parts-stray", {"rigid-parts[fly]": "farther apart"})
+class PartsStray(Mutant):
+    """Velocities alone hold rigid parts, and nobody looks where they are."""
+
+    session = Straying

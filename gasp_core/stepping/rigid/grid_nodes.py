@@ -30,6 +30,10 @@ class GridNodes:
         Out of the rigid body.
     gaps : (K,) [m]
         From its surface to that of the matter.
+    welded : (K,) of bool
+        Whether body and matter are one piece.
+    wanted : (K, 3) [m/s]
+        With which welded matter comes back to where it was on the body.
     held_together
         Gap at which what sticks or slips still does [m].
     """
@@ -41,6 +45,8 @@ class GridNodes:
     masses: Array
     normals: Array
     gaps: Array
+    welded: Array
+    wanted: Array
     held_together: float
 
     def __len__(self) -> int:
@@ -56,6 +62,8 @@ NO_NODES = GridNodes(
     masses=np.zeros(0),
     normals=np.zeros((0, 3)),
     gaps=np.zeros(0),
+    welded=np.zeros(0, dtype=np.bool_),
+    wanted=np.zeros((0, 3)),
     held_together=0.0,
 )
 """Of a scene without a grid."""

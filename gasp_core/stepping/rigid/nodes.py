@@ -23,6 +23,9 @@ Array = NDArray[Any]
 
 _REACH = 0.5
 """In cells: nodes farther out of a body are left to the matter around them; nearer ones there are wherever it is."""
+_WELDED = 0.75
+"""In cells: as far out those are held that are welded. The last one that is held is between a quarter of a cell within
+the body and here, and felt a quarter of a cell behind itself: in the mean just where the body ends."""
 _FELT = 3.0
 """In cells: points farther away than this touch no such node."""
 _NEAREST = 0.1
@@ -47,6 +50,8 @@ class NodeContacts:
         Out of it.
     gaps : (K,) [m]
         From its surface to that of the matter.
+    welded : (K,) of bool
+        Whether it is a part of the body whose matter it is.
     """
 
     nodes: Array
@@ -54,6 +59,7 @@ class NodeContacts:
     rigid: Array
     normals: Array
     gaps: Array
+    welded: Array
 
 
 def nodes_near(
@@ -65,8 +71,9 @@ def nodes_near(
     spacing: float,
     origin: Array,
     open_gap: float,
+    hosts: Array,
 ) -> NodeContacts:
-    """Nodes where matter is nearer than `open_gap` [m] to a rigid body.
+    """Nodes where matter is nearer than `open_gap` [m] to a rigid body, or welded to it.
 
     Parameters
     ----------
@@ -80,6 +87,8 @@ def nodes_near(
         Whose they are: 0, 1, 2, ...
     spacing, origin : [m], (3,) [m]
         Nodes are at the origin and multiples of the spacing away from it.
+    hosts
+        See `gasp_core.stepping.rigid.welds.Welds`.
     """
     found: list[tuple[Array, ...]] = []
     kinds = int(bodies.max(initial=-1)) + 1
@@ -100,22 +109,29 @@ def nodes_near(
         places, slopes, whose = cells - low, np.ascontiguousarray(slopes), bodies[near].astype(np.int64)
         halves = half_widths[near]
         nearest(places, depth - halves, slopes, whose, gaps, normals, _NEAREST * spacing)
-        parting(places, depth / spacing, halves / spacing, slopes, whose, gaps < open_gap, normals, _PREFERRED)
-        rows = np.argwhere(gaps < open_gap)
+        welded = (np.arange(kinds) == hosts[number])[:, None, None, None]
+        asked = (gaps < open_gap) & ~welded
+        if asked.any():
+            parting(places, depth / spacing, halves / spacing, slopes, whose, asked, normals, _PREFERRED)
+        rows = np.argwhere((gaps < open_gap) | (welded & np.isfinite(gaps)))
         nodes = rows[:, 1:] + low
         out, _ = surfaces.seen(number, pose, nodes * spacing + origin)
-        rows, nodes = rows[out <= _REACH * spacing], nodes[out <= _REACH * spacing]
+        own = rows[:, 0] == hosts[number]
+        there = out <= np.where(own, _WELDED, _REACH) * spacing
+        rows, nodes, own = rows[there], nodes[there], own[there]
         at = tuple(rows.T)
-        found.append((nodes, rows[:, 0], np.full(len(rows), number), unit(normals[at]), gaps[at]))
+        found.append((nodes, rows[:, 0], np.full(len(rows), number), unit(normals[at]), gaps[at], own))
     if not found:
         nothing = np.zeros((0, 3))
         none = np.zeros(0, dtype=np.int64)
-        return NodeContacts(nodes=nothing.astype(np.int64), bodies=none, rigid=none, normals=nothing, gaps=np.zeros(0))
-    nodes, whose, rigid, normals, gaps = (np.concatenate(part) for part in zip(*found))
+        nodes, zero = nothing.astype(np.int64), np.zeros(0)
+        return NodeContacts(nodes=nodes, bodies=none, rigid=none, normals=nothing, gaps=zero, welded=zero.astype(bool))
+    nodes, whose, rigid, normals, gaps, welded = (np.concatenate(part) for part in zip(*found))
     if len(found) > 1 and len(whose):
-        # Of several bodies at a node the nearest one.
-        order = np.lexsort((gaps, *nodes.T, whose))
+        # Of several bodies at a node the nearest one, and before all one that it is welded to.
+        order = np.lexsort((gaps, ~welded, *nodes.T, whose))
         same = np.all(np.diff(np.column_stack([whose, nodes])[order], axis=0) == 0, axis=1)
         kept = np.sort(order[np.append(True, ~same)])
-        nodes, whose, rigid, normals, gaps = nodes[kept], whose[kept], rigid[kept], normals[kept], gaps[kept]
-    return NodeContacts(nodes=nodes, bodies=whose, rigid=rigid, normals=normals, gaps=gaps)
+        nodes, whose, rigid = nodes[kept], whose[kept], rigid[kept]
+        normals, gaps, welded = normals[kept], gaps[kept], welded[kept]
+    return NodeContacts(nodes=nodes, bodies=whose, rigid=rigid, normals=normals, gaps=gaps, welded=welded)

@@ -21,6 +21,7 @@ __all__ = ["RigidSide"]
 
 if TYPE_CHECKING:
     from gasp_core.stepping.rigid.nodes import NodeContacts
+    from gasp_core.stepping.rigid.welds import Welds
     from gasp_core.stepping.rigid.world import RigidWorld
 
 Array = NDArray[Any]
@@ -44,6 +45,8 @@ class RigidSide:
         Numbers of its bodies in the whole cloud.
     tracer_owners : (M,)
         Which rigid body carries each tracer, as they are counted in `world`; -1 for none.
+    welds
+        Of rigid bodies that are parts of others.
     """
 
     problem: PointProblem
@@ -52,6 +55,7 @@ class RigidSide:
     soft_rows: Array
     soft_bodies: Array
     tracer_owners: Array
+    welds: Welds
 
     @classmethod
     def of(cls, problem: PointProblem, restart: Mapping[str, Array] | None, engine: str) -> Self | None:
@@ -67,6 +71,7 @@ class RigidSide:
             return None
         refuse_led_rigid_bodies(problem)
         # Only where it is needed: what it imports takes half a second.
+        from gasp_core.stepping.rigid.welds import Welds
         from gasp_core.stepping.rigid.world import RigidWorld
 
         world = RigidWorld.of(problem, bodies, restart, engine)
@@ -76,8 +81,15 @@ class RigidSide:
         there = world.bodies.bodies[np.minimum(place, len(world.bodies) - 1)] == carried
         owners = np.where(there, place, -1)
         soft = _part(problem, rows, owners < 0) if len(rows) else None
-        bodies = np.unique(problem.points.body_ids[rows])
-        return cls(problem=problem, world=world, soft=soft, soft_rows=rows, soft_bodies=bodies, tracer_owners=owners)
+        return cls(
+            problem=problem,
+            world=world,
+            soft=soft,
+            soft_rows=rows,
+            soft_bodies=np.unique(problem.points.body_ids[rows]),
+            tracer_owners=owners,
+            welds=Welds.of(problem, world.bodies.bodies, rows, world.surfaces),
+        )
 
     def near(self, positions: Array, half_widths: Array, bodies: Array, spacing: float, origin: Array) -> NodeContacts:
         """Nodes where matter may touch a rigid body within a step.
@@ -92,19 +104,44 @@ class RigidSide:
 
         # No point goes further than half a cell in a step; the body may come towards it as far.
         return nodes_near(
-            self.world.surfaces, self.world.poses(), positions, half_widths, bodies, spacing, origin, spacing
+            self.world.surfaces,
+            self.world.poses(),
+            positions,
+            half_widths,
+            bodies,
+            spacing,
+            origin,
+            spacing,
+            self.welds.hosts,
         )
 
-    def met(self, contacts: NodeContacts, velocities: Array, masses: Array, spacing: float, origin: Array) -> GridNodes:
-        """The same nodes with what they have: velocities (K, 3) [m/s] and masses (K,) [kg]."""
+    def met(
+        self,
+        contacts: NodeContacts,
+        velocities: Array,
+        masses: Array,
+        spacing: float,
+        origin: Array,
+        seams: Array,
+        step: float,
+    ) -> GridNodes:
+        """The same nodes with what they have: velocities (K, 3) [m/s] and masses (K,) [kg].
+
+        `seams` (S, 3) [m] are where the points beside welds are, `Welds.rows`, as the `step` [s] begins.
+        """
+        places = contacts.nodes * spacing + origin
+        parts = np.where(contacts.welded, contacts.rigid, -1)
+        wanted = self.welds.wanted(self.world.poses(), seams, parts, places, step)
         return GridNodes(
             rigid=contacts.rigid,
             others=self.soft_bodies[contacts.bodies],
-            places=contacts.nodes * spacing + origin,
+            places=places,
             velocities=velocities,
             masses=masses,
             normals=contacts.normals,
             gaps=contacts.gaps,
+            welded=contacts.welded,
+            wanted=wanted,
             held_together=HELD_TOGETHER * spacing,
         )
 
@@ -199,6 +236,7 @@ def _part(problem: PointProblem, rows: Array, traced: Array) -> PointProblem:
     return replace(
         problem,
         points=cloud,
+        rigid_parts={},
         trajectories=_led_of(problem, rows),
         materials=tuple(problem.materials[row] for row in used),
         pair_contacts=pairs,

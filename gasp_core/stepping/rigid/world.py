@@ -34,7 +34,7 @@ __all__ = ["RigidWorld"]
 
 Array = NDArray[Any]
 
-_PARTING = CONDITIONS[ContactCondition.SEPARATE]
+_PARTING, _STICKING = CONDITIONS[ContactCondition.SEPARATE], CONDITIONS[ContactCondition.STICK]
 _ROUNDS = 60
 """Of contact with nodes, whose friction depends on what comes out."""
 _SWINGING = 12
@@ -78,6 +78,7 @@ class RigidWorld:
         self._conditions = np.array([[CONDITIONS[one.contact] for one in row] for row in contacts])
         self._frictions = np.array([[one.friction for one in row] for row in contacts])
         self._owed = np.zeros((len(bodies), 6))
+        self._posed: tuple[RigidState, list[Pose]] | None = None
 
     @classmethod
     def of(cls, problem: PointProblem, bodies: RigidBodies, restart: Mapping[str, Array] | None, engine: str) -> Self:
@@ -115,7 +116,9 @@ class RigidWorld:
 
     def poses(self) -> list[Pose]:
         """Of the bodies, from the reference positions to where they are."""
-        return poses_of(self.bodies, self.state)
+        if self._posed is None or self._posed[0] is not self.state:
+            self._posed = (self.state, poses_of(self.bodies, self.state))
+        return self._posed[1]
 
     def keep_out(
         self, velocities: Array, positions: Array, half_widths: Array, masses: Array, others: Array, step: float
@@ -230,14 +233,15 @@ class RigidWorld:
         tolerance = _TOLERANCE * step * max(gravity, 1e-3)
         targets = targets_of(contacts, start, velocities, centers, step, _RESTING * step * gravity)
         stopping, bouncing = np.zeros((len(contacts), 3)), np.zeros((len(contacts), 3))
-        conditions = self._conditions[nodes.others, nodes.rigid]
+        conditions = np.where(nodes.welded, _STICKING, self._conditions[nodes.others, nodes.rigid])
         frictions = self._frictions[nodes.others, nodes.rigid]
-        apart = np.where(nodes.gaps <= nodes.held_together, 0.0, np.inf)
+        apart = np.where(nodes.welded | (nodes.gaps <= nodes.held_together), 0.0, np.inf)
         rooms = np.where(conditions == _PARTING, np.maximum(nodes.gaps, 0.0) / step, apart)
         gates = np.zeros((len(nodes), 2))
         places = (nodes.rigid, nodes.places)
         # A gap that closes within the step is a node that comes so much faster: then nodes touch or they do not.
-        closing = np.where(np.isfinite(rooms), rooms, 0.0)[:, None] * nodes.normals
+        # So is one that is to come back to where it was.
+        closing = np.where(np.isfinite(rooms), rooms, 0.0)[:, None] * nodes.normals - nodes.wanted
         ways_of_nodes = (nodes.masses, nodes.normals, conditions, frictions)
         met = (nodes.velocities + closing, *ways_of_nodes, np.where(np.isfinite(rooms), 0.0, np.inf))
         before = found = velocities

@@ -49,6 +49,7 @@ class RigidSteps:
         half_widths, masses, self._bodies, flows = self._cloud.traits(self._rows)
         self._half_widths, self._masses = half_widths * units.spacing, masses * units.mass
         self._flowing = np.flatnonzero(flows)
+        self._seams = self._cloud.rows_of_points(self._side.welds.rows)
 
     def before_update(self, index: int) -> None:
         """See `Intervention`."""
@@ -57,13 +58,14 @@ class RigidSteps:
         world = units.world(self._places)
         self._near = self._side.near(world, self._half_widths, self._bodies, units.spacing, units.anchor)
         self._nodes = cloud.rows_of(self._near.nodes, self._near.bodies)
+        self._beside = units.world(cloud.moving(self._seams)[0])
         self._weights = cloud.node_rows(self._nodes)[:, 3].astype(np.float64) * units.mass
 
     def after_update(self, index: int) -> None:
         """See `Intervention`."""
         cloud, side, units = self._cloud, self._side, self._cloud.units
         velocities = cloud.node_rows(self._nodes)[:, :3].astype(np.float64) * units.speed
-        met = side.met(self._near, velocities, self._weights, units.spacing, units.anchor)
+        met = side.met(self._near, velocities, self._weights, units.spacing, units.anchor, self._beside, self._step)
         after = side.world.step(self._begin + index * self._step, self._step, met)
         cloud.put_velocities(self._nodes, after / units.speed)
 

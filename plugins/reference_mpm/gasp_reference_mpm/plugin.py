@@ -48,6 +48,7 @@ CAPABILITIES = EngineCapabilities(
     pair_contacts=True,
     moving_colliders=True,
     restitution=True,
+    rigid_parts=True,
     material_damping=True,
     cohesion=True,
     trajectories=True,
@@ -74,7 +75,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="reference-mpm",
             summary="MLS-MPM in plain NumPy, double precision: slow, obvious, the measure for the others",
-            contract_version=(1, 4),
+            contract_version=(1, 5),
             capabilities=CAPABILITIES,
             factory="gasp_reference_mpm.engine:ReferenceMpm",
         )

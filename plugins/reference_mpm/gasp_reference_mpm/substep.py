@@ -83,7 +83,8 @@ def substep(
         rows = np.searchsorted(grid.nodes, stencil.fields.flat(near.bodies, near.nodes))
         velocities = velocities.copy()
         node_masses = grid.mass if led is None else led.masses(grid.mass, matter.masses)
-        met_nodes = rigid.met(near, velocities[rows], node_masses[rows], spacing, origin)
+        beside = motion.positions[rigid.welds.rows] + origin
+        met_nodes = rigid.met(near, velocities[rows], node_masses[rows], spacing, origin, beside, step)
         velocities[rows] = rigid.world.step(time, step, met_nodes)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)

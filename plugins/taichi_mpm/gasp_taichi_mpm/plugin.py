@@ -19,7 +19,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
             name="taichi-mpm",
             summary="Explicit MLS-MPM in Taichi: sorted points, coloured scatter; fast on the CPU",
             factory="gasp_taichi_mpm.engine:TaichiMpm",
-            contract_version=(1, 4),
+            contract_version=(1, 5),
             device_indices=False,
         )
     ]

@@ -19,7 +19,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
             name="warp-mpm",
             summary="Explicit MLS-MPM in NVIDIA Warp: sorted points, coloured scatter; CPU and CUDA",
             factory="gasp_warp_mpm.engine:WarpMpm",
-            contract_version=(1, 4),
+            contract_version=(1, 5),
             device_indices=True,
         )
     ]

@@ -6,6 +6,7 @@ from rigid_clouds import block, problem_of
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
 from gasp_core.stepping.rigid.nodes import nodes_near
 from gasp_core.stepping.rigid.surfaces import rigid_surfaces_of
+from gasp_core.stepping.rigid.welds import NO_HOST
 from gasp_core.stepping.rigid.world import RigidWorld
 
 SIDE, SPACING = 0.02, 0.04
@@ -18,7 +19,9 @@ def around(bodies, points, whose, open_gap=SPACING):
     rigid = rigid_bodies_of(problem)
     surfaces, world = rigid_surfaces_of(problem, rigid), RigidWorld.of(problem, rigid, None, "tested")
     halves = np.full(len(points), SIDE / 2)
-    return nodes_near(surfaces, world.poses(), points, halves, whose, SPACING, ORIGIN, open_gap)
+    return nodes_near(
+        surfaces, world.poses(), points, halves, whose, SPACING, ORIGIN, open_gap, np.full(len(bodies), NO_HOST)
+    )
 
 
 def test_matter_on_top_of_a_body_touches_it_from_above_along_its_edge_too():

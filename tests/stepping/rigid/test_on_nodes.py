@@ -38,6 +38,8 @@ def slid(ratio, seed):
         masses=ratio * mass / count * rng.uniform(0.1, 1.9, count),
         normals=np.tile([0.0, 0.0, -1.0], (count, 1)),
         gaps=rng.uniform(0.0, 5e-5, count),
+        welded=np.zeros(count, dtype=bool),
+        wanted=np.zeros((count, 3)),
         held_together=0.0,
     )
     before = world.state.velocities[0].copy()

@@ -45,7 +45,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="my-engine",
             summary="Rigid bodies in free flight",
-            contract_version=(1, 4),
+            contract_version=(1, 5),
             capabilities=CAPABILITIES,
             factory="my_engine.engine:Engine",
         )
