@@ -52,7 +52,7 @@ class Assembly:
     spacing
         Grid spacing [m], from the points before they were magnified.
     bodies
-        In the order of `PointCloud.body_ids`.
+        An object each, in the order of `PointCloud.body_ids`; behind them these have the objects' rigid parts.
     accuracy
         What the engine is given: that of the scene, with this spacing and a resolution that is a number.
     colliders
@@ -74,6 +74,12 @@ class Assembly:
     notes: tuple[str, ...] = ()
     pinned: tuple[str, ...] = ()
     leads: tuple[Lead, ...] = ()
+
+    @property
+    def body_names(self) -> list[str]:
+        """Of the objects that the problem's bodies are, or are parts of."""
+        own = [body.name for body in self.bodies]
+        return [*own, *(own[host] for _, host in sorted(self.problem.rigid_parts.items()))]
 
     @property
     def drive_names(self) -> list[str]:
@@ -131,6 +137,7 @@ def assemble(
     materials: dict[Material, int] = {}
     pins: dict[str, Drive] = {}
     leads: list[Lead] = []
+    parts: dict[int, int] = {}
     start = 0
     for body, ((index, placed), block, motion, choice) in enumerate(zip(moving, blocks, played, choices)):
         drift = PrescribedMotion.of(motion, placed.moving, block.rest) if motion else None
@@ -153,6 +160,10 @@ def assemble(
             "material_ids": rows[matter.rows],
             "body_ids": np.full(len(points), body),
         }
+        for group in range(1, int(matter.groups.max()) + 1):
+            part = len(moving) + len(parts)
+            own["body_ids"][matter.groups == group] = part
+            parts[part] = body
         for name, column in own.items():
             columns.setdefault(name, []).append(column)
         gone = None
@@ -176,18 +187,21 @@ def assemble(
             )
         )
         bounds.append(sample.bounds + block.centre)
-        if sample.faces is not None:
+        if sample.faces is not None and not matter.groups.any():
             sheets.append(BodyFaces(body=body, faces=start + sample.faces))
         start += len(points)
     x, y, z = (np.min(bounds, axis=(0, 1)) + np.max(bounds, axis=(0, 1))) / 2
     joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
     colliders = colliders_of(scene, objects)
-    surfaces = rigid_surfaces([placed for _, placed in moving])
+    cloud = PointCloud(**joined)
+    surfaces = rigid_surfaces([placed for _, placed in moving], parts, cloud.reference_positions, cloud.body_ids)
+    names = [body.name for body in bodies]
     problem = PointProblem(
-        points=PointCloud(**joined),
+        points=cloud,
         materials=tuple(materials),
         body_contact=default_contact(scene.contacts),
-        pair_contacts=pair_contacts(scene.contacts, [body.name for body in bodies]),
+        pair_contacts=pair_contacts(scene.contacts, [*names, *(names[host] for host in parts.values())]),
+        rigid_parts=parts,
         colliders=tuple(colliders.values()),
         # Behind those of the scene: of two that hold one place the later wins, and what is pinned stands still.
         drives=(*scene.drives, *pins.values()),

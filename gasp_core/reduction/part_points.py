@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Drive, Material, Pinned, Rigid
+from gasp_core.contract import Drive, Material, Pinned
 from gasp_core.errors import SceneError
 from gasp_core.reduction.held_region import held_region
+from gasp_core.reduction.rigid_parts import loose_parts, rigid_groups
 from gasp_core.reduction.rounded_fields import rounded_rows
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.objects import SplatObject
@@ -46,6 +47,8 @@ class PointMatter:
         Sentences for the user, without their subject: one for each part, and for what varies.
     driven : (P,) bool
         What goes where the object's own motion takes it.
+    groups : (P,)
+        See `gasp_core.reduction.rigid_parts.rigid_groups`.
     """
 
     materials: tuple[Material, ...]
@@ -53,6 +56,7 @@ class PointMatter:
     drives: Mapping[str, Drive]
     notes: tuple[str, ...]
     driven: Array
+    groups: Array
 
 
 def matter_of_points(
@@ -64,7 +68,7 @@ def matter_of_points(
     Raises
     ------
     SceneError
-        Where a part is rigid and not all is, or two regions have points in common.
+        Where two regions have points in common.
     """
     own = placed.item.material
     assert own is not None  # SplatObject refuses what moves and is made of nothing
@@ -89,7 +93,11 @@ def matter_of_points(
             notes.append(_told(parts[index], index, material, gaussians, len(members), mass))
         if note:
             notes.append(note if index < 0 else f"{parts[index].called(index)}: {note}")
-    _refuse_partly_rigid(placed, materials, rows)
+    groups = rigid_groups(materials, rows, of_points)
+    for group in loose_parts(groups, points, spacing):
+        part = int(of_points[groups == group][0])
+        called = parts[part].called(part) if part >= 0 else "what is in no part"
+        notes.append(f"{called} is rigid, and nothing that deforms is within a cell of it: it goes its own way")
     different = list(dict.fromkeys(materials))
     place = {material: row for row, material in enumerate(different)}
     renumbered = np.array([place[material] for material in materials])
@@ -98,6 +106,7 @@ def matter_of_points(
         rows=renumbered[rows],
         drives=dict(_pins(placed.item, of_points, points, spacing)),
         notes=tuple(notes),
+        groups=groups,
         driven=np.isin(of_points, [index for index, part in enumerate(parts) if part.driven]),
     )
 
@@ -221,21 +230,4 @@ def _told(
     return (
         f"{part.called(index)}, {law.name or law.kind}{held}: {gaussians:,} Gaussians, {points:,} points,"
         f" {mass:.3g} kg{none}"
-    )
-
-
-def _refuse_partly_rigid(placed: PlacedObject, materials: Sequence[Material], rows: Array) -> None:
-    rigid = np.array([isinstance(material, Rigid) for material in materials])[rows]
-    if not rigid.any() or rigid.all():
-        return
-    numbers = [
-        part.called(index)
-        for index, part in enumerate(placed.item.parts)
-        if part.rigid or (part.material is not None and isinstance(law_of(part.material), Rigid))
-    ]
-    called = " and ".join(numbers) or "what is in no part"
-    raise SceneError(
-        f'object "{placed.item.name}": {called} would be rigid within a body that deforms, which no engine models:'
-        " say pinned = true of what is to stand still, or give it a material some 100 times as stiff as the rest"
-        " (mujoco-flex takes the same steps for it), or make it an object of its own"
     )

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gasp_core.contract import Collider, Rigid
+from gasp_core.reduction.rigid_parts import part_shape
 from gasp_core.scene.file_shapes import resolved
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import laws_of
@@ -14,6 +19,8 @@ from gasp_core.scene.solid_fields import field_of
 from gasp_core.stepping.body_shape import BodyShape
 
 __all__ = ["colliders_of", "rigid_surfaces"]
+
+Array = NDArray[Any]
 
 
 def colliders_of(scene: Scene, objects: Sequence[PlacedObject]) -> dict[str, Collider]:
@@ -41,13 +48,20 @@ def colliders_of(scene: Scene, objects: Sequence[PlacedObject]) -> dict[str, Col
     return found
 
 
-def rigid_surfaces(moving: Sequence[PlacedObject]) -> tuple[BodyShape, ...]:
+def rigid_surfaces(
+    moving: Sequence[PlacedObject], parts: Mapping[int, int], points: Array, bodies: Array
+) -> tuple[BodyShape, ...]:
     """The surfaces of bodies that keep their shape, as far as there is a solid that says them.
 
     Parameters
     ----------
     moving
         The objects that are bodies of the problem, in its order.
+    parts
+        See `PointProblem.rigid_parts`.
+    points : (N, 3) [m]
+    bodies : (N,)
+        Whose each point is.
     """
     found: list[BodyShape] = []
     for body, placed in enumerate(moving):
@@ -55,4 +69,13 @@ def rigid_surfaces(moving: Sequence[PlacedObject]) -> tuple[BodyShape, ...]:
             solid = placed.solid()
             if not solid.solid.is_empty:
                 found.append(BodyShape(body=body, shape=field_of(solid, placed.item.name)))
+    for part, host in parts.items():
+        shape = part_shape(moving[host], points[bodies == part], points[_of_one(bodies, part, host, parts)])
+        if shape is not None:
+            found.append(BodyShape(body=part, shape=shape))
     return tuple(found)
+
+
+def _of_one(bodies: Array, part: int, host: int, parts: Mapping[int, int]) -> Array:
+    """Mask (N,) of the points of a body and of its rigid parts but one."""
+    return np.isin(bodies, [host, *(other for other, its in parts.items() if its == host and other != part)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -72,11 +73,11 @@ def default_contact(rules: Sequence[ContactRule]) -> BodyContact:
 
 
 def pair_contacts(rules: Sequence[ContactRule], bodies: Sequence[str]) -> Mapping[tuple[int, int], BodyContact]:
-    """As `PointProblem.pair_contacts` has them; `bodies` are names in the order of their numbers."""
-    number = {name: row for row, name in enumerate(bodies)}
+    """As `PointProblem.pair_contacts` has them; `bodies` are names of objects in the order of their bodies' numbers."""
     found: dict[tuple[int, int], BodyContact] = {}
     for rule in rules:
         if rule.between is not None:
-            low, high = sorted(number[name] for name in rule.between)
-            found[low, high] = rule.body_contact
+            own, others = ([row for row, name in enumerate(bodies) if name == each] for each in rule.between)
+            for low, high in map(sorted, itertools.product(own, others)):
+                found[low, high] = rule.body_contact
     return found

@@ -39,7 +39,7 @@ class Part:
     pinned
         Its matter stands still.
     rigid
-        Its matter moves as a rigid body, of the density that the object has.
+        Its matter moves as a rigid body, of the density that the object has; what deforms around it is welded to it.
     driven
         Its matter goes where the object's motion takes it, whose composition is "driven".
 

@@ -256,7 +256,7 @@ def _check_supported(
 ) -> Prepared:
     """Read a scene and refuse what its engine does not declare, or what frames as of `judged` are too long for."""
     prepared = _strained(prepare(scene, known, spacing), chosen)
-    names = [body.name for body in prepared.assembly.bodies]
+    names = prepared.assembly.body_names
     refuse_too_large(prepared.assembly.leads, (judged or scene).frame_count)
     check_supported(
         prepared.assembly.problem,

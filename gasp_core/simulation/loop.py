@@ -193,7 +193,7 @@ class FrameLoop:
         """What there is to say of matter that outruns its own sound, once a run."""
         if self._told_of_sound:
             return []
-        sentence = outrun_sound(self._watch, before, state, [body.name for body in self._assembly.bodies])
+        sentence = outrun_sound(self._watch, before, state, self._assembly.body_names)
         self._told_of_sound = bool(sentence)
         return [sentence] if sentence else []
 

@@ -71,7 +71,7 @@ def header_of(
     notes += oddities(whole, prepared.objects, assembly)
     notes += own_contact(assembly.problem, chosen.descriptor)
     inside = starts_inside(assembly.problem, assembly.spacing, assembly.colliders)
-    notes += [f'object "{assembly.bodies[number].name}": {note}' for number, note in inside]
+    notes += [f'object "{assembly.body_names[number]}": {note}' for number, note in inside]
     return Header(
         gasp_version=distribution_version("gasp-core"),
         scene=scene_to_toml(told, path.absolute().parent),

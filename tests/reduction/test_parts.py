@@ -134,17 +134,11 @@ def test_a_part_too_small_for_the_grid_says_that_it_moves_with_the_rest(cube):
     assert "1 Gaussians, 0 points, 0 kg: it is finer than what is simulated" in note
 
 
-def test_rigid_matter_within_a_body_that_deforms_is_refused_with_what_to_do(cube):
-    pot = Part(name="pot", region=LEFT, rigid=True)
-    with pytest.raises(SceneError, match=r'part "pot" would be rigid within a body that deforms.*pinned = true'):
-        assembled(cube, pot)
-    with pytest.raises(SceneError, match='"pot" would be rigid'):
-        assembled(cube, Part(name="pot", region=LEFT, material=Rigid(density=1)))
-    with pytest.raises(SceneError, match="what is in no part would be rigid"):
-        assembled(cube, Part(name="pot", region=LEFT, material=SOFT), material=Rigid(density=1))
-    # All of it rigid, of two densities, is a rigid body.
+def test_an_object_of_two_densities_that_is_rigid_all_over_is_one_body(cube):
     assembly = assembled(cube, Part(region=LEFT, material=Rigid(density=9)), material=Rigid(density=1))
     assert [material.density for material in assembly.problem.materials] == [1, 9]
+    assert assembly.problem.rigid_parts == {}
+    assert set(assembly.problem.points.body_ids) == {0}
 
 
 def test_a_pinned_part_is_held_by_its_region(cube):

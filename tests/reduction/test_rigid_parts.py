@@ -1,0 +1,143 @@
+"""Rigid parts of objects that deform: bodies of their own, with a surface of their own."""
+
+import numpy as np
+import pytest
+from splat_shells import SHAPES, shell
+
+from gasp_core import (
+    BoxShape,
+    ContactCondition,
+    ContactRule,
+    Elastic,
+    EngineAccuracy,
+    Part,
+    Reduction,
+    Rigid,
+    Scene,
+    SplatObject,
+)
+from gasp_core.contract import BodyContact
+from gasp_core.reduction.assembly import assemble
+from gasp_core.reduction.rigid_parts import loose_parts, rigid_groups
+from gasp_core.scene.selection import place_object
+from gasp_core.stepping.body_shape import body_shapes
+
+SOFT = Elastic(density=300, youngs_modulus=1e5, poissons_ratio=0.3)
+HARD = Rigid(density=900)
+MODES = {
+    "all": Reduction(mode="all"),
+    "cores": Reduction(mode="cores", fraction=0.1, levels=2),
+    "volume": Reduction(mode="volume"),
+}
+LEFT = BoxShape(center=(-0.5, 0, 0.5), half_extents=(0.5, 1, 1))
+RIGHT = BoxShape(center=(0.5, 0, 0.5), half_extents=(0.25, 1, 1))
+
+
+@pytest.fixture(scope="module")
+def cube():
+    """Standing on z = 0, from -0.5 to 0.5 in x and y."""
+    return shell(SHAPES["cube"], count=4_000)
+
+
+def assembled(splat, *parts, reduction=MODES["volume"], material=SOFT, others=(), contacts=()):
+    items = [SplatObject(name="thing", splat=splat, material=material, parts=parts, reduction=reduction), *others]
+    accuracy = EngineAccuracy(resolution=12)
+    scene = Scene(duration=1, frame_rate=1, objects=tuple(items), accuracy=accuracy, contacts=tuple(contacts))
+    return assemble(scene, [place_object(item, splat) for item in items])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_rigid_part_is_a_body_that_is_a_part_of_the_rest(cube, mode):
+    assembly = assembled(cube, Part(name="pot", region=LEFT, material=HARD), reduction=MODES[mode])
+    problem = assembly.problem
+    assert problem.rigid_parts == {1: 0}
+    assert assembly.body_names == ["thing", "thing"]
+    assert len(assembly.bodies) == 1
+    rigid = problem.points.body_ids == 1
+    assert (rigid == (problem.points.material_ids == 1)).all()
+    assert problem.masses[rigid].sum() == pytest.approx(900 * problem.points.reference_volumes[rigid].sum())
+    assert any(note.startswith('part "pot", rigid: ') for note in assembly.bodies[0].notes)
+
+
+def test_a_part_that_is_said_to_be_rigid_has_the_density_of_its_object(cube):
+    assembly = assembled(cube, Part(region=LEFT, rigid=True))
+    assert assembly.problem.materials == (SOFT, Rigid(density=300))
+    assert assembly.problem.rigid_parts == {1: 0}
+
+
+def test_what_is_in_no_part_may_be_what_is_rigid(cube):
+    assembly = assembled(cube, Part(name="sole", region=LEFT, material=SOFT), material=HARD)
+    points = assembly.problem.points
+    assert assembly.problem.rigid_parts == {1: 0}
+    # The number of the object itself is that of what deforms.
+    assert {assembly.problem.materials[row] for row in points.material_ids[points.body_ids == 0]} == {SOFT}
+
+
+def test_each_part_is_a_body_of_its_own(cube):
+    parts = (Part(name="left", region=LEFT, material=HARD), Part(name="right", region=RIGHT, material=HARD))
+    assembly = assembled(cube, *parts)
+    points = assembly.problem.points
+    assert assembly.problem.rigid_parts == {1: 0, 2: 0}
+    middles = [points.reference_positions[points.body_ids == body, 0].mean() for body in range(3)]
+    assert middles[1] < middles[0] < middles[2]
+
+
+def test_parts_meet_others_as_their_object_does(cube):
+    other = SplatObject(name="other", splat=cube, position=(2, 0, 0), material=SOFT, reduction=MODES["volume"])
+    slip = ContactRule(between=("other", "thing"), contact=ContactCondition.SLIP)
+    assembly = assembled(cube, Part(region=LEFT, material=HARD), others=[other], contacts=[slip])
+    assert assembly.body_names == ["thing", "other", "thing"]
+    assert assembly.problem.rigid_parts == {2: 0}
+    slipping = BodyContact(contact=ContactCondition.SLIP)
+    assert assembly.problem.pair_contacts == {(0, 1): slipping, (1, 2): slipping}
+
+
+def test_the_surface_of_a_part_is_that_of_the_body_and_ends_where_the_part_does(cube):
+    problem = assembled(cube, Part(region=LEFT, material=HARD)).problem
+    shape = body_shapes(problem)[1]
+    step = 1 / 24
+    places = np.random.default_rng(0).uniform([-0.7, -0.7, -0.2], [0.7, 0.7, 1.2], (2_000, 3))
+    # The half cube, from the middle of which the distance is a known one.
+    away = np.abs(places - [-0.25, 0, 0.5]) - [0.25, 0.5, 0.5]
+    exact = np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
+    near = np.abs(exact) < 3 * shape.spacing
+    off = shape.signed_distance(places)[near] - exact[near]
+    # Half of the distance between two layers of points is as near as the seam is known, and a voxel the rest.
+    assert np.quantile(np.abs(off), 0.95) < step / 2 + shape.spacing
+    rigid = problem.points.body_ids == 1
+    inside = shape.signed_distance(problem.points.reference_positions) < 0
+    assert (inside == rigid).mean() > 0.97
+
+
+def test_few_gaussians_have_no_solid_and_a_part_of_them_no_surface_but_that_of_its_points(cube):
+    few = cube.select(np.arange(0, len(cube), 40))
+    problem = assembled(few, Part(region=LEFT, material=HARD), reduction=MODES["all"]).problem
+    assert problem.rigid_parts == {1: 0}
+    assert body_shapes(problem) == {}
+
+
+def test_groups_are_numbered_by_their_parts():
+    materials = (SOFT, HARD)
+    rows = np.array([0, 1, 1, 0, 1])
+    parts = np.array([-1, 2, 0, 1, 2])
+    assert rigid_groups(materials, rows, parts).tolist() == [0, 2, 1, 0, 2]
+    assert rigid_groups(materials, np.ones(5, dtype=int), parts).tolist() == [0] * 5
+    assert rigid_groups(materials, np.zeros(5, dtype=int), parts).tolist() == [0] * 5
+
+
+def test_a_part_that_nothing_deforming_is_beside_is_told():
+    groups = np.array([0, 1, 1, 2])
+    places = np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0], [3.0, 0, 0]])
+    assert loose_parts(groups, places, 1.0) == [2]
+    assert loose_parts(np.zeros(4, dtype=int), places, 1.0) == []
+
+
+def test_a_loose_part_is_told_of_by_name(cube):
+    means = cube.means.copy()
+    apart = np.concatenate([means, means[::4] + [3, 0, 0]])
+    rows = np.concatenate([np.arange(len(cube)), np.arange(0, len(cube), 4)])
+    both = cube.select(rows).with_(means=apart)
+    far = BoxShape(center=(3, 0, 0.5), half_extents=(1, 1, 1))
+    notes = assembled(both, Part(name="ball", region=far, material=HARD), reduction=MODES["all"]).bodies[0].notes
+    (note,) = [each for each in notes if "goes its own way" in each]
+    assert note.startswith('part "ball" is rigid, and nothing that deforms is within a cell of it')
