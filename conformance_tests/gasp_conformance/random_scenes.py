@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from types import MappingProxyType
@@ -144,6 +144,7 @@ def random_scene(number: int, capabilities: EngineCapabilities) -> RandomScene:
         force_fields=_winds(rng, capabilities, middle, size, wave, end),
         gravity=_vector(gravity),
         domain=_domain(rng, capabilities, positions, size),
+        rigid_parts=_rigid_parts(capabilities, points, materials),
     )
     times = tuple(float(time) for time in end * frames / frames[-1])
     materials = tuple(_rarer(rng, material, capabilities) for material in materials)
@@ -170,6 +171,7 @@ def describe(scene: RandomScene) -> str:
             for one in problem.colliders
         ),
         *(_terse(one) for one in (*problem.drives, *problem.force_fields)),
+        *(f"body {part} is a part of body {host}" for part, host in problem.rigid_parts.items()),
         "no domain" if problem.domain is None else f"domain {problem.domain.policy.value}",
         f"{grid}, {step}, at most {accuracy.substep_limit} substeps, {scene.times[-1]:.3g} s",
     ]
@@ -190,6 +192,16 @@ def _terse(item: Material | Drive | ForceField | HalfSpace | BoxShape | SphereSh
         elif value is not None and not isinstance(value, str):
             shown.append(f"{name}={float(value):.4g}")
     return f"{item.kind}({', '.join(shown)})"
+
+
+def _rigid_parts(capabilities: EngineCapabilities, points: PointCloud, materials: Sequence[Material]) -> dict[int, int]:
+    """Of a rigid body and one that deforms, where there are both, the first are one piece."""
+    if not capabilities.rigid_parts:
+        return {}
+    rigid = np.array([isinstance(material, Rigid) for material in materials])[points.material_ids]
+    share = np.bincount(points.body_ids, rigid) / np.bincount(points.body_ids)
+    parts, hosts = np.flatnonzero(share == 1), np.flatnonzero(share == 0)
+    return {int(parts[0]): int(hosts[0])} if len(parts) and len(hosts) else {}
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

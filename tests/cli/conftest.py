@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from gasp_core import progress
 from gasp_core.cli.main import main
 from gasp_core.discovery.registry import discover
 from gasp_core.io import write_splat
@@ -82,8 +83,10 @@ def installed(monkeypatch):
 
 
 @pytest.fixture
-def gasp(workplace, installed, capfd):
-    """Run ``gasp`` in this process, as the console script does."""
+def gasp(workplace, installed, capfd, monkeypatch):
+    """Run ``gasp`` in this process, as the console script does, and as on a machine that is never slow: without lines
+    of progress."""
+    monkeypatch.setattr(progress._Lines, "pause", 1e6)
 
     def run(*arguments):
         capfd.readouterr()

@@ -6,6 +6,7 @@ It knows no backend: what steps the points is a `SteppedCloud` that somebody els
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -20,6 +21,7 @@ from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError, impulse_change
+from gasp_core.stepping.threads import ThreadOptions
 from gasp_core.stepping.time_step import MotionLimits, hardening_of, limits_of, substep_size, substeps_to
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
@@ -40,6 +42,9 @@ _BATCH_TRAVEL = 0.5
 """In cells: how far a point may fly between two looks."""
 _DRIFT_BEFORE = 0.25
 """In cells: how far outside their homes points may be before a batch, so that none is a cell outside within it."""
+_INTERRUPTED = 6
+"""Times as many points as else have work for a thread where the host has a word in every step: threads are woken three
+times a step then. With a rigid body two take 1.15 of the time of one for 4,000 other points, and 1.05 for 30,000."""
 _FELT = 1.5
 """In cells: how far away from a node points feel what acts there."""
 
@@ -368,10 +373,12 @@ def opened(
     *,
     engine: str,
     accuracy: EngineAccuracy,
-    build: CloudBuilder,
+    build: Callable[..., SteppedCloud],
+    options: ThreadOptions | None = None,
     restart: Mapping[str, Array] | None = None,
 ) -> MpmSession | RigidSession:
-    """The session of a problem, whatever is in it; parameters as of `MpmSession`.
+    """The session of a problem, whatever is in it; parameters as of `MpmSession`, but that `build` is also given the
+    number of `threads` that follows from the options.
 
     Raises
     ------
@@ -379,8 +386,10 @@ def opened(
         As `MpmSession`, and where a body is rigid in part.
     """
     rigid = RigidSide.of(problem, restart, engine)
-    if rigid is None:
-        return MpmSession(problem, engine=engine, accuracy=accuracy, build=build, restart=restart)
-    if rigid.soft is None:
+    if rigid is not None and rigid.soft is None:
         return RigidSession(rigid, engine=engine, accuracy=accuracy, restart=restart)
-    return MpmSession(rigid.soft, engine=engine, accuracy=accuracy, build=build, restart=restart, rigid=rigid)
+    own = problem if rigid is None or rigid.soft is None else rigid.soft
+    alone = rigid is None and problem.trajectories is None
+    threads = (options or ThreadOptions()).threads_for(len(own.points) // (1 if alone else _INTERRUPTED))
+    cloud = partial(build, threads=threads)
+    return MpmSession(own, engine=engine, accuracy=accuracy, build=cloud, restart=restart, rigid=rigid)

@@ -43,17 +43,17 @@ class TaichiMpm:
             For a GPU that is not there.
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
-        options = ThreadOptions() if options is None else options
         refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
         build = partial(
             Cloud,
             double=precision is Precision.FLOAT64,
-            threads=options.threads_for(len(problem.points)),
             on_gpu=device == "cuda",
         )
         runtime.acquire(device)
         try:
-            session = opened(problem, engine="taichi-mpm", accuracy=accuracy, build=build, restart=restart)
+            session = opened(
+                problem, engine="taichi-mpm", accuracy=accuracy, build=build, options=options, restart=restart
+            )
         except BaseException:
             runtime.release()
             raise

@@ -79,6 +79,7 @@ class Cloud(StagedSteps):
         native: bool,
     ) -> None:
         self._atomic = atomic
+        threads = 1 if atomic else threads
         super().__init__(problem, units, double=double, threads=threads)
         self._device = device
         self._block = 1 if device.is_cpu else THREADS

@@ -43,15 +43,13 @@ class WarpMpm:
             For a GPU that is not there.
         """
         accuracy = EngineAccuracy() if accuracy is None else accuracy
-        options = ThreadOptions() if options is None else options
         refuse_unstable_substep(problem, accuracy.spacing_for(problem.points.size), accuracy)
         on_gpu = device_class(device) == "cuda"
         build = partial(
             Cloud,
             device=runtime.device_for(device),
             double=precision is Precision.FLOAT64,
-            threads=1 if on_gpu else options.threads_for(len(problem.points)),
             atomic=on_gpu,
             native=not on_gpu,
         )
-        return opened(problem, engine="warp-mpm", accuracy=accuracy, build=build, restart=restart)
+        return opened(problem, engine="warp-mpm", accuracy=accuracy, build=build, options=options, restart=restart)
