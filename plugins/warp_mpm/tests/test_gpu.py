@@ -56,7 +56,7 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
     assert np.array_equal(kept["rows"].shape, (512, at.POINT_WIDTH))
 
 
-@pytest.mark.parametrize("company", ["rigid and soft", "one that is led"])
+@pytest.mark.parametrize("company", ["rigid and soft", "one that is led", "a rigid part"])
 def test_the_way_of_the_gpu_meets_rigid_bodies_where_they_are(kit, company):
     """Nodes and points are read and changed in the device's memory, a row a thread."""
     problem, accuracy = COMPANIES[company](), EngineAccuracy(spacing=0.05, substep=5e-4)

@@ -218,7 +218,17 @@ def _compared() -> Iterator[Any]:
             yield pytest.param(kinds, precision, marks=marks, id=f"{'+'.join(kinds)}-{precision}")
 
 
-COMPANIES = {"three that deform": _meeting, "rigid and soft": _rigid, "one that is led": _led}
+def _welded() -> PointProblem:
+    """The block that falls is a part of the soft one below it."""
+    return replace(_rigid(), rigid_parts={2: 0})
+
+
+COMPANIES = {
+    "three that deform": _meeting,
+    "rigid and soft": _rigid,
+    "one that is led": _led,
+    "a rigid part": _welded,
+}
 
 
 @cache
@@ -294,7 +304,7 @@ class AgreementTests:
         free = problem.points.reference_positions + _STEP * _STEPS * problem.points.initial_velocities
         assert np.abs(found.positions - free)[:, :2].max() > 0.05 * _SIDE
 
-    @pytest.mark.parametrize("company", ["rigid and soft", "one that is led"])
+    @pytest.mark.parametrize("company", ["rigid and soft", "one that is led", "a rigid part"])
     def test_companies_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit, company):
         problem, half = COMPANIES[company](), _STEP * _STEPS / 2
         choices = {"precision": "float64", "spacing": _SPACING / 2, "substep": _STEP}
