@@ -169,7 +169,9 @@ def run(
     here = folder if address is None else made_here(address)
     with resumable(here, command), rehearsed() if films else contextlib.nullcontext():
         with filmed(here, loaded, films, size, frames, False if as_json or quiet else None) as film:
-            recorded = None if film is None else film.recorded
+            # A preview is over before anybody would look at what there is of its film, and then it is known how all
+            # of it moves.
+            recorded = None if film is None or preview else film.recorded
             recording = simulate(
                 loaded,
                 engine=engine,
@@ -184,9 +186,9 @@ def run(
                 progress=False if as_json or quiet else "log",
                 recorded=_told(here, recorded) if verbose else recorded,
             )
-            if recorded is not None and recording.frame_count:
+            if film is not None and recording.frame_count:
                 # A run that was gone on with may have had all its frames already.
-                recorded(recording.frame_count - 1)
+                film.recorded(recording.frame_count - 1)
         if as_json:
             print_json(_outcome(recording))
         elif quiet:

@@ -24,7 +24,8 @@ __all__ = ["LiveFilm"]
 
 
 class LiveFilm:
-    """Paints the frames of a run as they are recorded; what goes wrong with it never stops the run.
+    """Paints the frames of a run as they are recorded, or all of them in the end; what goes wrong with it never stops
+    the run.
 
     A context manager: what was painted is a film in the end, however the run ended. Where matter went elsewhere than
     was to be expected of it, all is painted anew then, from where it is seen well.
@@ -75,6 +76,7 @@ class LiveFilm:
         self.cameras: list[Camera] = []
         """From where each frame is seen."""
         self._next = 0
+        self._known = False
         self.problem = ""
         """Why filming ended before the run did."""
         self.anew = False
@@ -127,8 +129,12 @@ class LiveFilm:
     def _paint(self, frame: int) -> None:
         if self._painter is None:
             footage = self._footage()
-            forecast = Forecast(footage, self._scene, self._count)
-            self._set_up(footage, forecast, motion_of(forecast), self._count)
+            self._known = footage.recording.frame_count >= self._count
+            if self._known:
+                self._set_up(footage, footage, motion_of(footage, range(self._count)), self._count)
+            else:
+                forecast = Forecast(footage, self._scene, self._count)
+                self._set_up(footage, forecast, motion_of(forecast), self._count)
         assert self._painter is not None
         wanting = [output for output in self._outputs if output.wants(frame)]
         if wanting:
@@ -154,6 +160,8 @@ class LiveFilm:
 
     def _look_again(self) -> None:
         """Paint all there is once more where the subject was not wholly in the pictures, or small in them."""
+        if self._known:
+            return
         footage, count = self._footage(), self._next
         stands = footage.camera is not None and not footage.camera.sees_all
         # Who stopped the run waits for the command to end too.

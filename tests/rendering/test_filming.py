@@ -290,6 +290,17 @@ def test_a_film_that_lost_its_subject_is_made_anew(run_of, falling_scene, live, 
     assert not list(tmp_path.glob(".*"))
 
 
+def test_a_run_that_is_over_is_filmed_once_from_where_all_of_it_is_seen(run_of, falling_scene, live, dots):
+    run = run_of(dataclasses.replace(falling_scene, gravity=(150.0, 0, 0)))
+    with live("frames", scene=falling_scene) as film:
+        film.recorded(run.frame_count - 1)
+    assert film.problem == "" and not film.anew
+    assert dots.sizes.count(SIZE) == 7
+    for frame, camera in enumerate(film.cameras):
+        places, depths = camera.project(run.splats(frame).means)
+        assert (depths > 0).all() and (places > 0).all() and (places < SIZE).all()
+
+
 def test_a_camera_that_the_scene_places_stays_there(run_of, falling_scene, live):
     choice = gasp.CameraChoice(position=(0, -1, 0), target=(0, -2, 0))
     away = dataclasses.replace(falling_scene, camera=choice)
