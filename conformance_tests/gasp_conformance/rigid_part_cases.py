@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_conformance import oracles
-from gasp_conformance.clouds import POINTS_PER_CELL, box_of_points, cloud_of
-from gasp_conformance.observables import damped_oscillation, kinetic_energy
+from gasp_conformance.clouds import POINTS_PER_CELL, box_of_points, cloud_of, point_volume
+from gasp_conformance.observables import angular_momentum, damped_oscillation, kinetic_energy
 from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Journal, Subject
 from gasp_core.contract import Elastic, EngineAccuracy, Field, HalfSpace, Pinned, PointProblem, Rigid
@@ -106,8 +106,7 @@ def hammer_flies(subject: Subject) -> Flight:
     """A block with a rod for a handle turns twice about an axis across it, which strains the rod by some hundredths."""
     rod, block, materials = _pieces(5, _LIGHT)
     points = np.concatenate([rod, block])
-    still = PointProblem(points=cloud_of([rod, block], [(0.0, 0.0, 0.0)] * 2, _SPACING, range(2)), materials=materials)
-    masses = still.masses
+    masses = point_volume(_SPACING) * np.repeat([each.density for each in materials], [len(rod), len(block)])
     middle = masses @ points / masses.sum()
     spin = np.array([8.0, 0.0, 0.0])
     velocities = np.cross(spin, points - middle) + [0.3, 0.1, 0.2]
@@ -126,11 +125,11 @@ def hammer_flies(subject: Subject) -> Flight:
     momenta, spins, energies, ways = [], [], [], []
     for state in states:
         momenta.append(masses @ state.velocities)
-        spins.append(np.cross(state.positions - middle, masses[:, None] * state.velocities).sum(axis=0))
+        spins.append(angular_momentum(masses, state.positions, state.velocities))
         energies.append(kinetic_energy(masses, state.velocities))
         ways.append(float(np.linalg.norm(state.positions[lowest] - state.positions[highest], axis=1).mean()))
     given = masses @ velocities
-    turning = np.cross(points - middle, masses[:, None] * velocities).sum(axis=0)
+    turning = angular_momentum(masses, points, velocities)
     return Flight(
         apart=max(ways) / _SPACING - 1 / POINTS_PER_CELL,
         momentum=max(float(np.linalg.norm(each - given)) for each in momenta) / float(np.linalg.norm(given)),

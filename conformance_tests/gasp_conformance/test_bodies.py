@@ -247,5 +247,6 @@ def test_a_rigid_part_flies(subject: Subject, ledger: Ledger, need: Need) -> Non
     flight = rigid_part_cases.hammer_flies(subject)
     ledger.at_most("hammer", "farther apart [cells]", flight.apart, 0.1)
     ledger.at_most("hammer", "change of momentum", flight.momentum, rounding(subject, flight.substep_count))
+    # Points do not show what of it is in the affine velocities of the handle, some hundredths of its share.
     ledger.at_most("hammer", "change of angular momentum", flight.spin, 0.02)
     ledger.at_most("hammer", "kinetic energy / start - 1", max(flight.energy - 1, 0.0), 1e-2)

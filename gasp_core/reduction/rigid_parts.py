@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Material, Rigid, SignedDistanceField
-from gasp_core.scene.placed_solid import FEW
-from gasp_core.scene.selection import PlacedObject
-from gasp_core.scene.solid_fields import field_of
 from gasp_core.stepping.threads import processors
 
 __all__ = ["loose_parts", "part_shape", "rigid_groups"]
@@ -62,13 +59,10 @@ def loose_parts(groups: Array, points: Array, spacing: float) -> list[int]:
     return found
 
 
-def part_shape(placed: PlacedObject, own: Array, others: Array) -> SignedDistanceField | None:
-    """What of an object's solid is nearer to a part's points (M, 3) [m] than to others (N, 3) [m]; None without one."""
+def part_shape(whole: SignedDistanceField, own: Array, others: Array) -> SignedDistanceField | None:
+    """What of a body is nearer to a part's points (M, 3) [m] than to others (N, 3) [m]; None where nothing is."""
     from scipy.spatial import KDTree
 
-    if placed.moving.sum() <= FEW or placed.solid().solid.is_empty:
-        return None
-    whole = field_of(placed.solid(), placed.item.name)
     values, first = _around(whole, own)
     origin = np.asarray(whole.origin) + whole.spacing * first
     near = np.argwhere(values < _NEAR * whole.spacing)

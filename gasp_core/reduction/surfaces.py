@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Collider, Rigid
+from gasp_core.contract import Collider, Rigid, SignedDistanceField
 from gasp_core.reduction.rigid_parts import part_shape
 from gasp_core.scene.file_shapes import resolved
 from gasp_core.scene.model import Scene
@@ -65,17 +65,23 @@ def rigid_surfaces(
     """
     found: list[BodyShape] = []
     for body, placed in enumerate(moving):
-        if all(isinstance(law, Rigid) for law in laws_of(placed.item)) and placed.moving.sum() > FEW:
-            solid = placed.solid()
-            if not solid.solid.is_empty:
-                found.append(BodyShape(body=body, shape=field_of(solid, placed.item.name)))
-    for part, host in parts.items():
-        shape = part_shape(moving[host], points[bodies == part], points[_of_one(bodies, part, host, parts)])
-        if shape is not None:
-            found.append(BodyShape(body=part, shape=shape))
+        own = [part for part, host in parts.items() if host == body]
+        rigid = all(isinstance(law, Rigid) for law in laws_of(placed.item))
+        whole = _known_shape(placed) if own or rigid else None
+        if whole is None:
+            continue
+        if rigid:
+            found.append(BodyShape(body=body, shape=whole))
+        of_object = np.isin(bodies, [body, *own])
+        for part in own:
+            shape = part_shape(whole, points[bodies == part], points[of_object & (bodies != part)])
+            if shape is not None:
+                found.append(BodyShape(body=part, shape=shape))
     return tuple(found)
 
 
-def _of_one(bodies: Array, part: int, host: int, parts: Mapping[int, int]) -> Array:
-    """Mask (N,) of the points of a body and of its rigid parts but one."""
-    return np.isin(bodies, [host, *(other for other, its in parts.items() if its == host and other != part)])
+def _known_shape(placed: PlacedObject) -> SignedDistanceField | None:
+    """What an object fills, where there is a solid that says it."""
+    if placed.moving.sum() <= FEW or placed.solid().solid.is_empty:
+        return None
+    return field_of(placed.solid(), placed.item.name)

@@ -105,6 +105,8 @@ class Welds:
             [s]
         """
         found = np.zeros(places.shape)
+        if not len(self.rows):
+            return found
         for part in np.unique(self.parts):
             nodes, own, pose = np.flatnonzero(rigid == part), self.parts == part, poses[part]
             if len(nodes):

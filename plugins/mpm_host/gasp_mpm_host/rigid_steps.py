@@ -58,7 +58,7 @@ class RigidSteps:
         world = units.world(self._places)
         self._near = self._side.near(world, self._half_widths, self._bodies, units.spacing, units.anchor)
         self._nodes = cloud.rows_of(self._near.nodes, self._near.bodies)
-        self._beside = units.world(cloud.moving(self._seams)[0])
+        self._beside = units.world(cloud.moving(self._seams)[0]) if len(self._seams) else np.zeros((0, 3))
         self._weights = cloud.node_rows(self._nodes)[:, 3].astype(np.float64) * units.mass
 
     def after_update(self, index: int) -> None:

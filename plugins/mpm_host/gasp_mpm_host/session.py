@@ -386,9 +386,11 @@ def opened(
         As `MpmSession`, and where a body is rigid in part.
     """
     rigid = RigidSide.of(problem, restart, engine)
-    if rigid is not None and rigid.soft is None:
-        return RigidSession(rigid, engine=engine, accuracy=accuracy, restart=restart)
-    own = problem if rigid is None or rigid.soft is None else rigid.soft
+    own = problem
+    if rigid is not None:
+        if rigid.soft is None:
+            return RigidSession(rigid, engine=engine, accuracy=accuracy, restart=restart)
+        own = rigid.soft
     alone = rigid is None and problem.trajectories is None
     threads = (options or ThreadOptions()).threads_for(len(own.points) // (1 if alone else _INTERRUPTED))
     cloud = partial(build, threads=threads)

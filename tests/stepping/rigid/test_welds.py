@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from rigid_clouds import block
+from rigid_clouds import block, problem_of
 
-from gasp_core.contract import Elastic, PointCloud, PointProblem, Rigid
+from gasp_core.contract import Elastic, Rigid
 from gasp_core.errors import SceneError
 from gasp_core.stepping.rigid.nodes import nodes_near
 from gasp_core.stepping.rigid.side import RigidSide
@@ -16,24 +16,15 @@ SOFT, HARD = Elastic(density=300, youngs_modulus=1e5, poissons_ratio=0.3), Rigid
 ORIGIN = np.zeros(3)
 
 
-def problem_of(rod, weight, **rest):
-    points = np.concatenate([rod, weight])
-    ids = np.repeat([0, 1], [len(rod), len(weight)])
-    cloud = PointCloud(
-        reference_positions=points,
-        initial_velocities=np.zeros_like(points),
-        reference_volumes=np.full(len(points), SIDE**3),
-        material_ids=ids,
-        body_ids=ids,
-    )
-    return PointProblem(points=cloud, materials=(SOFT, HARD), **rest)
+def welded(rod, weight, **rest):
+    return problem_of([rod, weight], SIDE, materials=[SOFT, HARD], **rest)
 
 
 @pytest.fixture(scope="module")
 def side():
     """A rod of 4 x 4 x 8 points on a block of 8 x 8 x 8, whose surface is at z = 0.08."""
     rod = block((4, 4, 8), SIDE, (0.0, 0.0, 0.08 + 4 * SIDE))
-    found = RigidSide.of(problem_of(rod, block((8, 8, 8), SIDE), rigid_parts={1: 0}), None, "tested")
+    found = RigidSide.of(welded(rod, block((8, 8, 8), SIDE), rigid_parts={1: 0}), None, "tested")
     assert found is not None
     return found
 
@@ -78,7 +69,7 @@ def test_a_seam_that_is_off_comes_back_as_a_whole(side):
 
 def test_about_a_line_that_is_no_wider_than_a_point_nothing_is_turned():
     line = block((1, 1, 8), SIDE, (0.0, 0.0, 0.08 + 4 * SIDE))
-    side = RigidSide.of(problem_of(line, block((8, 8, 8), SIDE), rigid_parts={1: 0}), None, "tested")
+    side = RigidSide.of(welded(line, block((8, 8, 8), SIDE), rigid_parts={1: 0}), None, "tested")
     assert len(side.welds.rows) == 1
     wanted = side.welds.wanted([pose()], side.welds.starts + 0.01, np.zeros(2, dtype=int), np.eye(3)[:2], STEP)
     np.testing.assert_allclose(wanted, -0.05 / STEP * 0.01)
@@ -102,7 +93,7 @@ def test_welded_nodes_are_those_in_the_part_and_close_to_it_however_far_the_matt
 
 def test_a_body_without_parts_has_no_seams():
     rod = block((4, 4, 8), SIDE, (0.0, 0.0, 0.08 + 4 * SIDE))
-    side = RigidSide.of(problem_of(rod, block((8, 8, 8), SIDE)), None, "tested")
+    side = RigidSide.of(welded(rod, block((8, 8, 8), SIDE)), None, "tested")
     assert side.welds.hosts.tolist() == [NO_HOST]
     assert len(side.welds.rows) == 0
     assert not side.welds.wanted(side.world.poses(), np.zeros((0, 3)), np.full(2, -1), np.zeros((2, 3)), STEP).any()
@@ -112,4 +103,4 @@ def test_a_body_without_parts_has_no_seams():
 def test_a_part_is_rigid_and_what_it_is_of_deforms(parts):
     rod, weight = block((2, 2, 2), SIDE), block((2, 2, 2), SIDE, (1.0, 0.0, 0.0))
     with pytest.raises(SceneError, match="must be one that is rigid of one that deforms"):
-        problem_of(rod, weight, rigid_parts=parts)
+        welded(rod, weight, rigid_parts=parts)
