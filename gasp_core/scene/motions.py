@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
@@ -178,6 +179,12 @@ class PythonMotion(Motion):
             raise SceneError(f'PythonMotion.function must be a function or "module:function", found {self.function!r}')
         if self.span is not None:
             _check_span(self)
+
+    @property
+    def file(self) -> Path | None:
+        """Of the function, where it is named by one; None where Python finds its module, or it is at hand."""
+        module = self.function.rpartition(":")[0] if isinstance(self.function, str) else ""
+        return Path(module) if module.endswith(".py") else None
 
 
 def _check_span(owner: PythonMotion) -> None:

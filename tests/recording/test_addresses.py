@@ -212,6 +212,32 @@ def test_a_host_has_the_name_that_ssh_has_for_it(record, tmp_path, host):
     same(record("ssh://cluster/runs/a.gasp"), record(tmp_path / "disk.gasp"))
 
 
+@pytest.mark.parametrize("said", ["named", "plainly", "for all"])
+def test_a_host_behind_another_is_reached_through_it(record, tmp_path, host, said):
+    """As in ~/.ssh/config: by name, by all that it takes, and by a pattern that the host on the way fits too."""
+    keys, port = tmp_path / "home" / ".ssh", host.address.rpartition(":")[2]
+    gone_to = []
+    (tmp_path / "door").mkdir()
+    with ssh_host(tmp_path / "door", tmp_path / "home", jumps=gone_to) as door:
+        at = door.address.rpartition(":")[2]
+        jump = f"me@127.0.0.1:{at}" if said == "plainly" else "door"
+        behind = "*" if said == "for all" else "cluster"
+        (keys / "config").write_text(
+            f"Host door\n  Port {at}\nHost cluster\n  Port {port}\n"
+            f"Host {behind}\n  ProxyJump {jump}\nHost *\n  HostName 127.0.0.1\n  User me\n"
+        )
+        same(record("ssh://cluster/runs/a.gasp"), record(tmp_path / "disk.gasp"))
+    assert set(gone_to) == {int(port)} and (tmp_path / "host" / "runs" / "a.gasp").is_dir()
+
+
+def test_a_host_that_lets_nobody_through_says_so(record, tmp_path, host):
+    keys = tmp_path / "home" / ".ssh"
+    (keys / "config").write_text(f"Host cluster\n  HostName 127.0.0.1\n  ProxyJump {host.address}\n  User me\n")
+    told = r"ssh://cluster/a\.gasp: cannot be opened: .*the host on the way to 127\.0\.0\.1:22 does not lead there"
+    with pytest.raises(RecordingError, match=told):
+        record("ssh://cluster/a.gasp")
+
+
 @pytest.mark.parametrize("address", ["ssh://me:secret@host/a.gasp", "ftp:/me:secret@host/a.gasp"])
 def test_a_password_has_no_business_in_an_address(record, address):
     with pytest.raises(RecordingError, match=r"me:\*\*\*@host/a\.gasp: a password here") as caught:

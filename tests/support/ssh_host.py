@@ -34,17 +34,22 @@ class Host:
 
 
 @contextmanager
-def ssh_host(folder: Path, home: Path) -> Generator[Host]:
-    """A host, until the end of the block, which whoever has this home is known to, and knows."""
+def ssh_host(folder: Path, home: Path, *, jumps: list[int] | None = None) -> Generator[Host]:
+    """A host, until the end of the block, which whoever has this home is known to, and knows.
+
+    With a list of `jumps` one may go on to other ports of this machine from there, and each that was gone to is noted.
+    """
     pytest.importorskip("fsspec")
     # What fsspec opens such addresses with, and the other end of it.
     pytest.importorskip("paramiko")
     asyncssh: Any = pytest.importorskip("asyncssh")
     connections: list[Any] = []
-    hosts, own = (asyncssh.generate_private_key("ssh-ed25519") for _ in range(2))
+    hosts = asyncssh.generate_private_key("ssh-ed25519")
     keys = home / ".ssh"
-    keys.mkdir(parents=True)
-    own.write_private_key(keys / "id_ed25519")
+    keys.mkdir(parents=True, exist_ok=True)
+    if not (keys / "id_ed25519").exists():
+        asyncssh.generate_private_key("ssh-ed25519").write_private_key(keys / "id_ed25519")
+    own = asyncssh.read_private_key(keys / "id_ed25519")
 
     class Guard(asyncssh.SSHServer):
         def connection_made(self, conn: Any) -> None:
@@ -58,6 +63,11 @@ def ssh_host(folder: Path, home: Path) -> Generator[Host]:
 
         def validate_public_key(self, username: str, key: Any) -> bool:
             return username == "me" and key.public_data == own.public_data
+
+        def connection_requested(self, dest_host: str, dest_port: int, orig_host: str, orig_port: int) -> bool:
+            if jumps is not None:
+                jumps.append(dest_port)
+            return jumps is not None
 
     def serve(channel: Any) -> Any:
         return asyncssh.SFTPServer(channel, chroot=str(folder))
@@ -85,7 +95,8 @@ def ssh_host(folder: Path, home: Path) -> Generator[Host]:
     try:
         port = server.sockets[0].getsockname()[1]
         public = hosts.export_public_key().decode()
-        (keys / "known_hosts").write_text(f"[127.0.0.1]:{port} {public}", encoding="utf-8")
+        with (keys / "known_hosts").open("a", encoding="utf-8") as known:
+            known.write(f"[127.0.0.1]:{port} {public}")
         yield Host(f"ssh://me@127.0.0.1:{port}", loop, connections)
     finally:
         asyncio.run_coroutine_threadsafe(leave(), loop).result(30)

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
 
 import psutil
 import pytest
@@ -251,6 +252,28 @@ def test_a_folder_travels_as_a_whole(tmp_path, scene):
         kept = tmp_path / "cache" / "sources" / source.digest / "frames"
         assert (kept / "deep" / "a.bin").read_bytes() == b"a"
         (frames / "deep" / "a.bin").write_bytes(b"a")
+
+
+def test_python_beside_a_scene_travels_with_it(scene, tmp_path):
+    """A worker that sees nothing of it has a copy, and runs that where the scene is trusted."""
+    code = scene.parent / "lifts.py"
+    code.write_text("def up(simplices, time):\n    return simplices + [0, 0, 0.5 * time]\n")
+    motion = '[object.motion]\nkind = "python"\nfunction = "lifts:up"\n'
+    text = scene.read_text().replace("[engine]", f"{motion}\n[engine]")
+    scene.write_text(text)
+    (each,) = planned(scene, settings_of(["engine.options.spin=1"]))
+    run = Run(key="a", scene=each.scene, out=tmp_path / "out.gasp", measure=Measures(), keep=False, trust_code=True)
+    here = carry_out_parcel(parcels_of([run], Limits())[0], {}, lambda: True)
+    (parcel,) = parcels_of([run], Limits())
+    assert {source.path.name for source in parcel.sources} == {"toy.ply", "lifts.py"}
+    contents = {source.digest: packed(source.path) for source in parcel.sources}
+    code.unlink()
+    (scene.parent / "toy.ply").unlink()
+    assert isinstance(carry_out_parcel(parcel, {}, lambda: True), Missing)
+    assert carry_out_parcel(parcel, contents, lambda: True).found == here.found
+    assert (
+        "--trust-code" in carry_out_parcel(replace(parcel, run=replace(run, trust_code=False)), {}, lambda: True).reason
+    )
 
 
 def test_files_of_a_scene_are_each_named_once(scene):
