@@ -108,21 +108,6 @@ def _rest_edges(gaussians: Gaussians, vertices: int) -> tuple[Array, Array]:
     return directions, np.take_along_axis(scales, axes, axis=1)
 
 
-def _unit_normals(first: Array, second: Array) -> tuple[Array, Array]:
-    """Unit normals (N, 3) of pairs of edges, and where there is one, (N, 1); any finite size of edge will do."""
-
-    def unit(vectors: Array) -> Array:
-        extent = np.abs(vectors).max(axis=1, keepdims=True)
-        usable = np.isfinite(extent) & (extent > 0)
-        vectors = np.where(usable, vectors, 0.0) / np.where(usable, extent, 1.0)
-        return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1.0)
-
-    normals = np.cross(unit(first), unit(second))
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    found = lengths > 0
-    return normals / np.where(found, lengths, 1.0), found
-
-
 def choose_vertices(gaussians: Gaussians) -> Literal[3, 4]:
     """Three vertices where every Gaussian is flat already (`FLATNESS`), four otherwise: nothing is lost."""
     ordered = np.sort(gaussians.scales.astype(np.float64), axis=1)
@@ -228,24 +213,11 @@ def deformation_gradients(simplices: Array, reference: Gaussians) -> Array:
     -------
     (N, 3, 3)
     """
-    vertices = simplices.shape[1]
-    rest, lengths = _rest_edges(reference, vertices)
-    known = lengths > 0
-    now = (simplices[:, 1:] - simplices[:, :1]) / np.where(known, lengths, 1.0)[:, :, None]
-    if vertices == 3:
-        rest = np.concatenate([rest, np.cross(rest[:, 0], rest[:, 1])[:, None]], axis=1)
-        now = np.concatenate([now, now[:, :1]], axis=1)
-        known = np.concatenate([known, np.zeros((len(known), 1), dtype=bool)], axis=1)
-    for missing in range(3):
-        first, second = (missing + 1) % 3, (missing + 2) % 3
-        rows = np.flatnonzero(~known[:, missing] & known[:, first] & known[:, second])
-        normal, found = _unit_normals(now[rows, first], now[rows, second])
-        # Collinear edges have no normal: the rest direction keeps F finite.
-        now[rows, missing] = np.where(found, normal, rest[rows, missing])
-        if vertices == 4:
-            rest[rows, missing] = np.cross(rest[rows, first], rest[rows, second])
-    gradients = np.einsum("nki,nkj->nij", now, rest)
-    gradients[known.sum(axis=1) < 2] = np.eye(3)
+    moved = np.ascontiguousarray(simplices, dtype=np.float64)
+    quaternions = np.ascontiguousarray(reference.quaternions, dtype=np.float64)
+    scales = np.ascontiguousarray(reference.scales, dtype=np.float64)
+    gradients = np.empty((len(moved), 3, 3))
+    simplex_frames.deformation_gradients(moved, quaternions, scales, gradients, linalg3.chunk_count(len(moved)))
     return gradients
 
 

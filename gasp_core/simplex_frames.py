@@ -1,6 +1,7 @@
 # pyright: basic
 # numba's decorators carry no types; the typed, documented face of these kernels is games.py.
-"""Compiled kernels from simplices to frames: the principal axes of their edges, or the paper's Gram-Schmidt."""
+"""Compiled kernels from simplices to frames: the principal axes of their edges, or the paper's Gram-Schmidt; and to how
+they are deformed."""
 
 from __future__ import annotations
 
@@ -186,3 +187,102 @@ def gram_schmidt_frames(simplices, rest_scales, quaternions, scales, valid, chun
             valid[row] = _gram_schmidt_frame(simplices[row], rest_scales[row], columns, scales[row])
             if valid[row]:
                 _finish(row, columns, quaternions)
+
+
+@inlined
+def _axes_at_rest(quaternion):
+    """Columns of the rotation matrix of a quaternion; of one that is zero or not finite, of the identity."""
+    largest = 0.0
+    for entry in range(4):
+        size = abs(float(quaternion[entry]))
+        if not math.isfinite(size):
+            largest = 0.0
+            break
+        largest = max(largest, size)
+    w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    if largest > 0.0:
+        # Squares of 1e-200 would underflow to zero.
+        w, x, y, z = quaternion[0] / largest, quaternion[1] / largest, quaternion[2] / largest, quaternion[3] / largest
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w / length, x / length, y / length, z / length
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+        (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+        (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+@inlined
+def _unit(vector):
+    """A vector of any finite size with a length of 1, or zero."""
+    extent = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
+    if not (extent > 0.0 and math.isfinite(extent)):
+        return (0.0, 0.0, 0.0)
+    vector = (vector[0] / extent, vector[1] / extent, vector[2] / extent)
+    length = math.sqrt(dot(vector, vector))
+    return (vector[0] / length, vector[1] / length, vector[2] / length)
+
+
+@inlined
+def _unit_normal(first, second, instead):
+    """Of two edges, or what stands in where they are collinear."""
+    normal = cross(_unit(first), _unit(second))
+    length = math.sqrt(dot(normal, normal))
+    if not length > 0.0:
+        return instead
+    return (normal[0] / length, normal[1] / length, normal[2] / length)
+
+
+@inlined
+def _stretched(simplex, vertex, length):
+    edge = _edge(simplex, vertex, 1.0)
+    return (edge[0] / length, edge[1] / length, edge[2] / length) if length > 0.0 else edge
+
+
+@inlined
+def _add_outer(now, rest, gradient):
+    for i in range(3):
+        for j in range(3):
+            gradient[i, j] += now[i] * rest[j]
+
+
+@inlined
+def _gradient(simplex, quaternion, scales, gradient):
+    axes = _axes_at_rest(quaternion)
+    if simplex.shape[0] == 3:
+        _, second, third = flat_order(scales)
+        # Tuples are indexed by what a compiler knows.
+        a = axes[0] if second == 0 else (axes[1] if second == 1 else axes[2])
+        b = axes[0] if third == 0 else (axes[1] if third == 1 else axes[2])
+        c = cross(a, b)
+        x, y, z = scales[second], scales[third], 0.0
+        now_a, now_b, now_c = _stretched(simplex, 1, x), _stretched(simplex, 2, y), c
+    else:
+        a, b, c = axes
+        x, y, z = scales[0], scales[1], scales[2]
+        now_a, now_b, now_c = _stretched(simplex, 1, x), _stretched(simplex, 2, y), _stretched(simplex, 3, z)
+    if (x > 0.0) + (y > 0.0) + (z > 0.0) < 2:
+        for i in range(3):
+            for j in range(3):
+                gradient[i, j] = 1.0 if i == j else 0.0
+        return
+    # Collinear edges have no normal: the direction at rest keeps F finite.
+    if not x > 0.0:
+        now_a, a = _unit_normal(now_b, now_c, a), cross(b, c)
+    elif not y > 0.0:
+        now_b, b = _unit_normal(now_c, now_a, b), cross(c, a)
+    elif not z > 0.0:
+        now_c, c = _unit_normal(now_a, now_b, c), cross(a, b)
+    gradient[:] = 0.0
+    _add_outer(now_a, a, gradient)
+    _add_outer(now_b, b, gradient)
+    _add_outer(now_c, c, gradient)
+
+
+@parallel
+def deformation_gradients(simplices, quaternions, scales, gradients, chunks):
+    """F of every simplex from its Gaussian at rest; see `games.deformation_gradients`."""
+    count = simplices.shape[0]
+    for chunk in numba.prange(chunks):
+        for row in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+            _gradient(simplices[row], quaternions[row], scales[row], gradients[row])

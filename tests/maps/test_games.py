@@ -225,6 +225,66 @@ def test_deformation_gradient_of_a_full_simplex_is_the_affine_map():
     np.testing.assert_allclose(gradients, np.broadcast_to(affine, gradients.shape), atol=1e-10)
 
 
+def plain_gradients(simplices, reference):
+    """Row by row: edges now over edges at rest, with unit normals of the other two for those that are missing."""
+    found = []
+    axes = games.edge_axes(np.asarray(reference.scales), simplices.shape[1])
+    for simplex, turn, scales, row in zip(
+        simplices, rotation_matrices(reference.quaternions), reference.scales, axes, strict=True
+    ):
+        rest, now = np.zeros((2, 3, 3))
+        there = [edge for edge, axis in enumerate(row) if scales[axis] > 0]
+        if len(there) < 2:
+            found.append(np.eye(3))
+            continue
+        for edge in there:
+            rest[edge] = turn[:, row[edge]] * scales[row[edge]]
+            now[edge] = simplex[edge + 1] - simplex[0]
+        if len(there) == 2:
+            (missing,) = {0, 1, 2} - set(there)
+            for edges in (rest, now):
+                normal = np.cross(edges[there[0]], edges[there[1]])
+                edges[missing] = normal / np.linalg.norm(normal)
+        found.append(np.linalg.solve(rest, now).T)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("vertices", [3, 4])
+def test_deformation_gradients_against_a_plain_reference(vertices):
+    """With edges of any length, quaternions of any, some edges missing, and none that are almost in line."""
+    rng = np.random.default_rng(17)
+    gaussians = random_gaussians(rng, 300, low=-5, high=1, extent=1, flat=vertices == 3)
+    scales, quaternions = np.array(gaussians.scales), np.array(gaussians.quaternions)
+    scales[rng.random(scales.shape) < 0.1] = 0
+    quaternions *= 10 ** rng.uniform(-200, 100, (300, 1))
+    quaternions[:2] = [[0, 0, 0, 0], [np.nan, 0, 0, 1]]
+    gaussians = gaussians.with_(scales=scales, quaternions=quaternions)
+    affine = np.eye(3) + rng.uniform(-0.3, 0.3, (300, 3, 3))
+    still = games.to_simplices(gaussians.with_(means=np.zeros((300, 3))), vertices)
+    moved = np.einsum("nij,nvj->nvi", affine, still)
+    wanted = plain_gradients(moved, gaussians)
+    np.testing.assert_allclose(games.deformation_gradients(moved, gaussians), wanted, atol=1e-11)
+
+
+def test_edges_in_line_and_points_that_are_lost_give_no_surprise():
+    """What is in line keeps its direction at rest; what is not finite stays in its row."""
+    scales = np.tile([0.0, 0.5, 0.25], (3, 1))
+    gaussians = Gaussians(
+        means=np.zeros((3, 3)),
+        quaternions=np.tile([1.0, 0, 0, 0], (3, 1)),
+        scales=scales,
+        opacities=np.ones(3),
+        harmonics=np.zeros((3, 1, 3)),
+    )
+    simplices = games.to_simplices(gaussians, 3)
+    simplices[0, 2] = [0, 0.75, 0]
+    simplices[1, 1] = np.nan
+    gradients = games.deformation_gradients(simplices, gaussians)
+    np.testing.assert_array_equal(gradients[0], [[1, 0, 0], [0, 1, 3], [0, 0, 0]])
+    assert np.isnan(gradients[1]).any()
+    np.testing.assert_array_equal(gradients[2], np.eye(3))
+
+
 def test_polar_rotation_against_numpy():
     matrices = np.random.default_rng(14).normal(size=(2000, 3, 3))
     left, _, right = np.linalg.svd(matrices)
