@@ -70,7 +70,8 @@ def position_at_start(drive: Drive, time: float, positions: Array) -> Array:
 def bodies_held(
     drives: Sequence[Drive], time: float, positions: Array, bodies: Array, count: int, spacing: float
 ) -> Array:
-    """Which of `count` bodies have matter in the region of each drive at a time [s], (K, count) of bool.
+    """Which of `count` bodies, all of a scene's, have matter in the region of each drive at a time [s], (K, count) of
+    bool.
 
     What lies against a region is not held by it, though nodes that it speaks to are inside: a block that glides on
     one that is pinned glides on. So a body counts that has a point a third of a cell deep in the region, which is more

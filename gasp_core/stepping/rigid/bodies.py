@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -213,6 +214,29 @@ def moved(bodies: RigidBodies, state: RigidState, step: float) -> RigidState:
         velocities=state.velocities,
         spins=state.spins,
     )
+
+
+def driven_round(
+    bodies: RigidBodies, before: RigidState, after: RigidState, held: Sequence[int], spins: Array, step: float
+) -> RigidState:
+    """The state `after` a step [s] with those of its bodies that are `held` as far round as angular velocities (B, 3)
+    [rad/s] have brought them: what turns freely is turned by its moments too.
+    """
+    if not held:
+        return after
+    rows = np.array(held)
+    quaternions, kept = after.quaternions.copy(), after.spins.copy()
+    angles = step * np.linalg.norm(spins[rows], axis=1)
+    # sin(a/2) / a for any angle, however small.
+    shares = 0.5 * step * np.sinc(angles / (2 * np.pi))
+    w, v = np.cos(angles / 2)[:, None], shares[:, None] * spins[rows]
+    q, u = before.quaternions[rows, :1], before.quaternions[rows, 1:]
+    whole = np.concatenate([w * q - np.sum(v * u, axis=1, keepdims=True), w * u + q * v + np.cross(v, u)], axis=1)
+    quaternions[rows] = whole / np.linalg.norm(whole, axis=1, keepdims=True)
+    axes = rotation_matrices(quaternions[rows])
+    along = np.einsum("bji,bj->bi", axes, spins[rows])
+    kept[rows] = np.einsum("bij,bj->bi", axes, bodies.moments[rows] * along)
+    return replace(after, quaternions=quaternions, spins=kept)
 
 
 def _turned(quaternions: Array, axis: int, angles: Array) -> Array:

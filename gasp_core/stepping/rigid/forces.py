@@ -18,17 +18,18 @@ Array = NDArray[Any]
 
 def wind_momenta(problem: PointProblem, bodies: RigidBodies, state: RigidState, time: float, step: float) -> Array:
     """Linear and angular momenta (B, 6) that wind gives in `step` [s] from `time` [s] on, about the centres of mass."""
-    given = np.zeros((len(bodies), 6))
-    for wind in force_fields_at(problem.force_fields, time):
-        if not isinstance(wind, Wind):
-            continue
-        positions, speeds = state.positions(bodies), state.point_velocities(bodies)
-        share = step * wind.drag / (1 + step * wind.drag) * bodies.point_masses
+    winds = [each for each in force_fields_at(problem.force_fields, time) if isinstance(each, Wind)]
+    if not winds:
+        return np.zeros((len(bodies), 6))
+    positions, before = state.positions(bodies), state.point_velocities(bodies)
+    speeds = before
+    for wind in winds:
+        # One after the other, as at nodes: all at once they would take more than there is.
+        share = np.full(len(positions), step * wind.drag / (1 + step * wind.drag))
         if wind.region is not None:
             share = np.where(wind.region.signed_distance(positions) <= 0, share, 0.0)
-        taken = share[:, None] * (np.asarray(wind.velocity) - speeds)
-        given += momenta_of(bodies, state, taken)
-    return given
+        speeds = speeds + share[:, None] * (np.asarray(wind.velocity) - speeds)
+    return momenta_of(bodies, state, bodies.point_masses[:, None] * (speeds - before))
 
 
 class Holds:

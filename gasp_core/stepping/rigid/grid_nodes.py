@@ -26,6 +26,8 @@ class GridNodes:
     places : (K, 3) [m]
     velocities : (K, 3) [m/s]
     masses : (K,) [kg]
+    led : (K,) of bool
+        Whether nothing changes their velocities.
     normals : (K, 3)
         Out of the rigid body.
     gaps : (K,) [m]
@@ -43,6 +45,7 @@ class GridNodes:
     places: Array
     velocities: Array
     masses: Array
+    led: Array
     normals: Array
     gaps: Array
     welded: Array
@@ -60,6 +63,7 @@ NO_NODES = GridNodes(
     places=np.zeros((0, 3)),
     velocities=np.zeros((0, 3)),
     masses=np.zeros(0),
+    led=np.zeros(0, dtype=np.bool_),
     normals=np.zeros((0, 3)),
     gaps=np.zeros(0),
     welded=np.zeros(0, dtype=np.bool_),

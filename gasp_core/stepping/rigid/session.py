@@ -13,7 +13,7 @@ from gasp_core.contract import EngineAccuracy, Field, Impulse, PointState, Statu
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.session import SteppedSession, StoppedError
-from gasp_core.stepping.time_step import MotionLimits, driven_speed, substep_size, substeps_to, wall_speed
+from gasp_core.stepping.time_step import MotionLimits, driven_speed, gust_of, substep_size, substeps_to, wall_speed
 
 __all__ = ["RigidSession"]
 
@@ -21,10 +21,8 @@ Array = NDArray[Any]
 
 _CYCLE = 20
 """Steps between two looks at how fast the bodies have become."""
-_LONGEST_STEP = 1e-3
-"""[s] Contacts hold for a step: what rolls or rocks goes on as if they did not change in it."""
-_FALL_SHARE = 3e-2
-"""Of sqrt(r / g) for the radius r of the smallest body: small ones fall past themselves, and rock, as fast as that."""
+_CYCLE_TRAVEL = 0.5
+"""In cells: no body goes further within a cycle."""
 
 
 class RigidSession(SteppedSession[RigidSide]):
@@ -48,16 +46,15 @@ class RigidSession(SteppedSession[RigidSide]):
         time = 0.0 if restart is None else float(checkpoint_arrays(restart, {"time": ()}, engine)["time"])
         super().__init__(side.problem, side, engine=engine, accuracy=accuracy, time=time)
         self._spacing = accuracy.spacing_for(side.problem.points.size)
-        self._longest = _longest_step(side)
 
     def step_toward(self, landing: float, end: float) -> None:
         """A few equal steps towards `landing`."""
         side = self.held()
-        limits = _limits(side, self._time, self._longest, self._spacing)
+        limits = _limits(side, self._time, self._spacing)
         allowed = substep_size(limits, self._spacing, self._accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
-        taking = min(count, _CYCLE)
+        taking = min(count, max(1, int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))))
         start = self._time
         for index in range(taking):
             side.world.step(start + index * step, step)
@@ -89,24 +86,11 @@ class RigidSession(SteppedSession[RigidSide]):
         return {"time": np.array(self._time), **self.held().world.checkpoint()}
 
 
-def _longest_step(side: RigidSide) -> float:
-    """What rolling and rocking bear [s], of bodies of any size."""
-    gravity = math.hypot(*side.problem.gravity)
-    if gravity == 0:
-        return _LONGEST_STEP
-    bodies = side.world.bodies
-    # Of the ball that turns as easily: a pencil rolls by its thickness, not by its length.
-    radius = math.sqrt(2.5 * float((bodies.moments.min(axis=1) / bodies.masses).min()))
-    return min(_LONGEST_STEP, _FALL_SHARE * math.sqrt(radius / gravity))
-
-
-def _limits(side: RigidSide, time: float, longest: float, spacing: float) -> MotionLimits:
+def _limits(side: RigidSide, time: float, spacing: float) -> MotionLimits:
     """What bounds a step of rigid bodies alone, on a grid of `spacing` [m]."""
-    places = side.world.state.places
-    radius = float(side.world.surfaces.radii.max())
-    low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
+    low, high = side.box
     return MotionLimits(
-        stress=longest,
+        stress=side.longest_step,
         speed=max(
             side.world.fastest,
             wall_speed(side.problem.colliders, time, low, high, spacing),
@@ -114,4 +98,5 @@ def _limits(side: RigidSide, time: float, longest: float, spacing: float) -> Mot
         ),
         velocity_gradient=0.0,
         acceleration=math.hypot(*side.problem.gravity),
+        gust=gust_of(side.problem.force_fields, time),
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Field, Impulse, PointCloud, PointProblem, PointState, Trajectories
+from gasp_core.contract import Drive, Field, Impulse, PointCloud, PointProblem, PointState, Trajectories
+from gasp_core.stepping.forcing import bodies_held
 from gasp_core.stepping.led_points import refuse_led_rigid_bodies
 from gasp_core.stepping.mpm import HELD_TOGETHER
 from gasp_core.stepping.rigid.bodies import rigid_bodies_of
@@ -25,6 +27,15 @@ if TYPE_CHECKING:
     from gasp_core.stepping.rigid.world import RigidWorld
 
 Array = NDArray[Any]
+
+_HEAVIEST = 1e6
+"""Times the mass of a rigid body, of a node that it meets: beside what is heavier nothing would be left of its own."""
+_LED = 2.0**50
+"""Times that: nodes that nothing moves, as they are led. None that has its weight from matter is so heavy."""
+_LONGEST_STEP = 1e-3
+"""[s] Contacts hold for a step: what rolls or rocks goes on as if they did not change in it."""
+_FALL_SHARE = 3e-2
+"""Of sqrt(r / g) for the radius r of the smallest body: small ones fall past themselves, and rock, as fast as that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +102,30 @@ class RigidSide:
             welds=Welds.of(problem, world.bodies.bodies, rows, world.surfaces),
         )
 
+    @property
+    def longest_step(self) -> float:
+        """What rolling and rocking bear [s], of bodies of any size."""
+        gravity = math.hypot(*self.problem.gravity)
+        if gravity == 0:
+            return _LONGEST_STEP
+        bodies = self.world.bodies
+        # Of the ball that turns as easily: a pencil rolls by its thickness, not by its length.
+        radius = math.sqrt(2.5 * float((bodies.moments.min(axis=1) / bodies.masses).min()))
+        return min(_LONGEST_STEP, _FALL_SHARE * math.sqrt(radius / gravity))
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Corners, (3,) [m] each, of a box that the rigid bodies are in."""
+        places, radii = self.world.state.places, self.world.surfaces.radii[:, None]
+        return (places - radii).min(axis=0), (places + radii).max(axis=0)
+
+    def bodies_held(self, drives: Sequence[Drive], time: float, positions: Array, spacing: float) -> Array:
+        """Which bodies of `soft`, whose points are at positions (N', 3) [m], each drive holds: see
+        `gasp_core.stepping.forcing.bodies_held`."""
+        bodies = self.problem.points.body_ids
+        found = bodies_held(drives, time, self.positions(positions), bodies, int(bodies.max()) + 1, spacing)
+        return found[:, self.soft_bodies]
+
     def near(self, positions: Array, half_widths: Array, bodies: Array, spacing: float, origin: Array) -> NodeContacts:
         """Nodes where matter may touch a rigid body within a step.
 
@@ -123,25 +158,27 @@ class RigidSide:
         spacing: float,
         origin: Array,
         seams: Array,
-        step: float,
+        allowed: float,
     ) -> GridNodes:
         """The same nodes with what they have: velocities (K, 3) [m/s] and masses (K,) [kg].
 
-        `seams` (S, 3) [m] are where the points beside welds are, `Welds.rows`, as the `step` [s] begins.
+        `seams` (S, 3) [m] are where the points beside welds are, `Welds.rows`, as a step begins that may be as long as
+        `allowed` [s].
         """
         places = contacts.nodes * spacing + origin
         parts = np.where(contacts.welded, contacts.rigid, -1)
-        wanted = self.welds.wanted(self.world.poses(), seams, parts, places, step)
+        own = self.world.bodies.masses[contacts.rigid]
         return GridNodes(
             rigid=contacts.rigid,
             others=self.soft_bodies[contacts.bodies],
             places=places,
             velocities=velocities,
-            masses=masses,
+            masses=np.minimum(masses, _HEAVIEST * own),
+            led=masses > _LED * own,
             normals=contacts.normals,
             gaps=contacts.gaps,
             welded=contacts.welded,
-            wanted=wanted,
+            wanted=self.welds.wanted(self.world.poses(), seams, parts, places, allowed),
             held_together=HELD_TOGETHER * spacing,
         )
 

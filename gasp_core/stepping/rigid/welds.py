@@ -30,8 +30,8 @@ _BESIDE = 1.0
 """Widths of points, from the surface of a part to their middles: the first layer of a lattice is half of one away, the
 second one and a half."""
 _BROUGHT_BACK = 0.05
-"""Of what a seam is off by, in a step: slow beside sound, which takes a few steps through a cell, and soon beside the
-swings of what hangs there."""
+"""Of what a seam is off by, in a step as long as it may be: slow beside sound, which takes a few steps through a cell,
+and soon beside the swings of what hangs there."""
 _THIN = 0.01
 """Of the widest extent of a seam: about what is narrower it is not turned."""
 _AS_IT_BEGINS = Pose(
@@ -88,7 +88,7 @@ class Welds:
         whose = np.repeat(np.flatnonzero(hosts != NO_HOST), [len(each) for each in rows])
         return cls(hosts=hosts, rows=joined, parts=whose, starts=places[joined])
 
-    def wanted(self, poses: Sequence[Pose], positions: Array, rigid: Array, places: Array, step: float) -> Array:
+    def wanted(self, poses: Sequence[Pose], positions: Array, rigid: Array, places: Array, allowed: float) -> Array:
         """Velocities (K, 3) [m/s] over those of their part that bring seams back, at nodes that are welded.
 
         Parameters
@@ -101,8 +101,9 @@ class Welds:
             Which body each node is welded to, -1 for none.
         places : (K, 3) [m]
             Of the nodes.
-        step
-            [s]
+        allowed
+            How long a step may be [s]. One that ends sooner, because something begins there, brings back as much less:
+            else no speed would be enough.
         """
         found = np.zeros(places.shape)
         if not len(self.rows):
@@ -115,7 +116,7 @@ class Welds:
                 x, y, z = turn
                 across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
                 way = shift + (places[nodes] - targets.mean(axis=0)) @ across.T
-                found[nodes] = _BROUGHT_BACK / step * way
+                found[nodes] = _BROUGHT_BACK / allowed * way
         return found
 
 

@@ -19,7 +19,7 @@ from gasp_core.contract import (
 )
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.forcing import walls_of
-from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, momenta_of, moved, poses_of
+from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, driven_round, momenta_of, moved, poses_of
 from gasp_core.stepping.rigid.contacts import CONDITIONS, Contacts, contacts_of
 from gasp_core.stepping.rigid.forces import Holds, wind_momenta
 from gasp_core.stepping.rigid.grid_nodes import NO_NODES, GridNodes
@@ -197,6 +197,7 @@ class RigidWorld:
             spins[body] = rotations[body] @ (bodies.moments[body] * (velocities[body, 3:] @ rotations[body]))
         way = self._pushed_apart(contacts, inertias, held, step)
         going = moved(bodies, replace(state, velocities=velocities[:, :3], spins=spins), step)
+        going = driven_round(bodies, state, going, held, velocities[:, 3:], step)
         self.state = self._within_domain(replace(going, places=going.places + way))
         return after
 
@@ -277,6 +278,7 @@ class RigidWorld:
         after = met[0].copy()
         settle_nodes(centers, found, *places, after, nodes.normals, gates)
         after += nodes.velocities - met[0]
+        after[nodes.led] = nodes.velocities[nodes.led]
         return found, after
 
     def _pushed_apart(self, contacts: Contacts, inertias: Array, held: Sequence[int], step: float) -> Array:

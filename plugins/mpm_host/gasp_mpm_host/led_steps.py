@@ -39,7 +39,7 @@ class LedSteps:
         self._cloud, self._grid, self._led, self._problem = cloud, grid, grid.points, problem
         self._begin, self._step = 0.0, 0.0
 
-    def begin_batch(self, begin: float, step: float, count: int) -> None:
+    def begin_batch(self, begin: float, step: float, count: int, allowed: float) -> None:
         """See `Intervention`."""
         self._begin, self._step = begin, step
         middle = begin + 0.5 * count * step

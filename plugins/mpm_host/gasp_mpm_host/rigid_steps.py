@@ -31,11 +31,11 @@ class RigidSteps:
 
     def __init__(self, cloud: StagedCloud, side: RigidSide) -> None:
         self._cloud, self._side = cloud, side
-        self._begin, self._step = 0.0, 0.0
+        self._begin, self._step, self._allowed = 0.0, 0.0, 0.0
 
-    def begin_batch(self, begin: float, step: float, count: int) -> None:
+    def begin_batch(self, begin: float, step: float, count: int, allowed: float) -> None:
         """See `Intervention`."""
-        self._begin, self._step = begin, step
+        self._begin, self._step, self._allowed = begin, step, allowed
 
     def begin_steps(self, index: int) -> None:
         """See `Intervention`: rows (P,), half widths (P,) [m], masses (P,) [kg] and bodies (P,) of points that rigid
@@ -65,7 +65,7 @@ class RigidSteps:
         """See `Intervention`."""
         cloud, side, units = self._cloud, self._side, self._cloud.units
         velocities = cloud.node_rows(self._nodes)[:, :3].astype(np.float64) * units.speed
-        met = side.met(self._near, velocities, self._weights, units.spacing, units.anchor, self._beside, self._step)
+        met = side.met(self._near, velocities, self._weights, units.spacing, units.anchor, self._beside, self._allowed)
         after = side.world.step(self._begin + index * self._step, self._step, met)
         cloud.put_velocities(self._nodes, after / units.speed)
 

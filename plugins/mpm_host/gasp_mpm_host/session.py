@@ -234,7 +234,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             # and where a point is led nobody looks how far from home that is.
             self._sort(self.held())
         looks = limits.steps_between_looks(self._units.spacing, step)
-        self._take(taking, step, landing if taking == count else None, looks)
+        self._take(taking, step, max(step, allowed), landing if taking == count else None, looks)
 
     def check_state(self, step: float) -> None:
         """See `SteppedSession`."""
@@ -243,29 +243,38 @@ class MpmSession(SteppedSession[SteppedCloud]):
 
     def _limits(self, survey: Survey) -> MotionLimits:
         spacing = self._units.spacing
-        rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
+        low, high, stress, rigid = survey.low, survey.high, survey.stress, 0.0
+        if self._rigid is not None:
+            (lower, upper), rigid = self._rigid.box, self._rigid.world.fastest
+            low, high = np.minimum(low, lower), np.maximum(high, upper)
+            stress = min(stress, self._rigid.longest_step)
         led = 0.0 if self._led is None else self._led.fastest(self._time)
         return limits_of(
             self._problem,
             self._time,
-            survey.low - _FELT * spacing,
-            survey.high + _FELT * spacing,
+            low - _FELT * spacing,
+            high + _FELT * spacing,
             spacing,
-            stress=survey.stress,
+            stress=stress,
             speed=max(survey.speed, rigid, led),
             velocity_gradient=survey.velocity_gradient,
             hardening=self._hardening,
         )
 
-    def _take(self, count: int, step: float, landing: float | None, looks: int) -> None:
-        """Take `count` steps, the last of which ends at `landing`, if any; sort where a point has strayed from home."""
+    def _take(self, count: int, step: float, allowed: float, landing: float | None, looks: int) -> None:
+        """Take `count` steps, which may be as long as `allowed` [s], the last of which ends at `landing`, if any.
+
+        Points are sorted where one has strayed from home.
+        """
         cloud = self.held()
         begin = self._time
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
         placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
         holding = np.ones((len(drives), self._bodies))
-        if drives and self._bodies > 1:
+        if drives and self._rigid is not None:
+            holding = self._rigid.bodies_held(drives, begin, cloud.positions(), self._units.spacing)
+        elif drives and self._bodies > 1:
             bodies = self._problem.points.body_ids
             holding = bodies_held(drives, begin, cloud.positions(), bodies, self._bodies, self._units.spacing)
         forcing = Forcing(
@@ -277,7 +286,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         cloud.begin_batch(step, np.asarray(self._problem.gravity), forcing, looks)
         stepper = cloud
         if self._interrupted is not None:
-            self._interrupted.begin_batch(begin, step, count)
+            self._interrupted.begin_batch(begin, step, count, allowed)
             stepper = self._interrupted
         done = 0
         while done < count:

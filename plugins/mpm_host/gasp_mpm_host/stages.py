@@ -94,8 +94,8 @@ class StagedCloud(Protocol):
 class Intervention(Protocol):
     """What the host does between the parts of steps."""
 
-    def begin_batch(self, begin: float, step: float, count: int) -> None:
-        """The next `count` steps of `step` [s] begin at `begin` [s]."""
+    def begin_batch(self, begin: float, step: float, count: int, allowed: float) -> None:
+        """The next `count` steps of `step` [s], which may be as long as `allowed` [s], begin at `begin` [s]."""
         ...
 
     def begin_steps(self, index: int) -> None:
@@ -129,10 +129,10 @@ class InterruptedSteps:
     def __init__(self, cloud: StagedCloud, interventions: Sequence[Intervention]) -> None:
         self._cloud, self._interventions = cloud, tuple(interventions)
 
-    def begin_batch(self, begin: float, step: float, count: int) -> None:
-        """The next `count` steps of `step` [s] begin at `begin` [s]."""
+    def begin_batch(self, begin: float, step: float, count: int, allowed: float) -> None:
+        """See `Intervention`."""
         for each in self._interventions:
-            each.begin_batch(begin, step, count)
+            each.begin_batch(begin, step, count, allowed)
 
     def steps(self, first: int, end: int) -> tuple[int, bool, bool]:
         """Do steps first..end of the batch; see `gasp_mpm_host.session.SteppedCloud.steps`."""

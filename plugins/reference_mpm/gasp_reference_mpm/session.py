@@ -136,7 +136,10 @@ class ReferenceSession(SteppedSession[Motion]):
         separation = None
         drives = drives_at(self._problem.drives, start)
         places, bodies = motion.positions + self._origin, self._problem.points.body_ids
-        holding = bodies_held(drives, start, places, bodies, int(bodies.max()) + 1, self._spacing)
+        if self._rigid is None:
+            holding = bodies_held(drives, start, places, bodies, int(bodies.max()) + 1, self._spacing)
+        else:
+            holding = self._rigid.bodies_held(drives, start, places, self._spacing)
         lead = None if self._led is None else Lead.during(self._led, start, start + taking * step)
         for index in range(taking):
             now = start + index * step
@@ -152,6 +155,7 @@ class ReferenceSession(SteppedSession[Motion]):
                     self._spacing,
                     now,
                     step,
+                    max(step, allowed),
                     self._rigid,
                     lead,
                 )
@@ -164,16 +168,21 @@ class ReferenceSession(SteppedSession[Motion]):
 
     def _limits(self, motion: Motion) -> MotionLimits:
         places = motion.positions + self._origin
+        low, high = places.min(axis=0), places.max(axis=0)
+        stress, rigid = stable_step(self._matter, motion, self._spacing), 0.0
+        if self._rigid is not None:
+            (lower, upper), rigid = self._rigid.box, self._rigid.world.fastest
+            low, high = np.minimum(low, lower), np.maximum(high, upper)
+            stress = min(stress, self._rigid.longest_step)
         felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
-        rigid = 0.0 if self._rigid is None else self._rigid.world.fastest
         led = 0.0 if self._led is None else self._led.points.fastest(self._time)
         return limits_of(
             self._problem,
             self._time,
-            places.min(axis=0) - felt,
-            places.max(axis=0) + felt,
+            low - felt,
+            high + felt,
             self._spacing,
-            stress=stable_step(self._matter, motion, self._spacing),
+            stress=stress,
             speed=max(float(np.linalg.norm(motion.velocities, axis=1).max()), rigid, led),
             velocity_gradient=float(np.linalg.norm(motion.affine_velocities, axis=(1, 2)).max()),
             hardening=self._hardening,

@@ -36,6 +36,7 @@ def substep(
     spacing: float,
     time: float,
     step: float,
+    allowed: float,
     rigid: RigidSide | None = None,
     lead: Lead | None = None,
 ) -> tuple[Motion, Separation, Array]:
@@ -43,8 +44,8 @@ def substep(
     domain's edge held back.
 
     Without a separation it is looked how far apart the bodies are. Of the drives at this time each holds some of them,
-    `holding` (K, B). Rigid bodies take the step as well, and points that
-    are led are where they are led to.
+    `holding` (K, B). Rigid bodies take the step as well, which might have been as long as
+    `allowed` [s], and points that are led are where they are led to.
 
     The stress is that of the stored deformation, and deformation and position move with the velocities just found
     (symplectic Euler).
@@ -84,7 +85,7 @@ def substep(
         velocities = velocities.copy()
         node_masses = grid.mass if led is None else led.masses(grid.mass, matter.masses)
         beside = motion.positions[rigid.welds.rows] + origin
-        met_nodes = rigid.met(near, velocities[rows], node_masses[rows], spacing, origin, beside, step)
+        met_nodes = rigid.met(near, velocities[rows], node_masses[rows], spacing, origin, beside, allowed)
         velocities[rows] = rigid.world.step(time, step, met_nodes)
 
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)

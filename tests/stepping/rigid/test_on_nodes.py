@@ -40,6 +40,7 @@ def slid(ratio, seed):
         gaps=rng.uniform(0.0, 5e-5, count),
         welded=np.zeros(count, dtype=bool),
         wanted=np.zeros((count, 3)),
+        led=np.zeros(count, dtype=bool),
         held_together=0.0,
     )
     before = world.state.velocities[0].copy()

@@ -32,6 +32,7 @@ from gasp_core.stepping.rigid.session import RigidSession
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_core.stepping.rigid.surfaces import rigid_surfaces_of
 from gasp_core.stepping.rigid.world import RigidWorld
+from gasp_core.stepping.rigid_motion import rotation_matrix
 
 SIDE = 0.02
 HERE = BoxShape(center=(0.0, 0.0, 0.5), half_extents=(0.2, 0.2, 0.2))
@@ -328,3 +329,39 @@ def test_twice_is_the_same_to_the_last_bit():
             session.advance_to(0.5)
             found.append(read(session).positions)
     np.testing.assert_array_equal(*found)
+
+
+def test_what_is_driven_is_turned_as_far_as_it_is_told_about_any_axis():
+    """What turns freely about no principal axis would tumble."""
+    slab = block((4, 10, 20), SIDE)
+    spin, middle = np.array([3.0, 4.0, 5.0]), (1.0, 0.0, 0.0)
+    everywhere = BoxShape(center=(0.0, 0.0, 0.0), half_extents=(9.0, 9.0, 9.0))
+    drive = Driven(region=everywhere, angular_velocity=tuple(spin), center=middle)
+    with session_of(problem_of([slab], SIDE, drives=(drive,), gravity=(0.0, 0.0, 0.0))) as session:
+        assert session.advance_to(1.0).status is Status.OK
+        state = read(session)
+    wanted = (slab - middle) @ rotation_matrix(spin).T + middle
+    np.testing.assert_allclose(state.positions, wanted, atol=1e-12)
+    # Its middle goes along the chord of the step.
+    turning = state.velocities - state.velocities.mean(axis=0)
+    np.testing.assert_allclose(turning, np.cross(spin, wanted - wanted.mean(axis=0)), atol=1e-10)
+
+
+@pytest.mark.parametrize(("speed", "drag"), [(20.0, 5.0), (20.0, 50.0)])
+def test_a_leaf_bears_a_storm(speed, drag):
+    leaf = block((20, 20, 2), 5e-4)
+    wind = Wind(velocity=(speed, 0.0, 0.0), drag=drag)
+    problem = problem_of([leaf], 5e-4, force_fields=(wind,))
+    side = RigidSide.of(problem, None, "tested")
+    with RigidSession(side, engine="tested", accuracy=EngineAccuracy(resolution=64), restart=None) as session:
+        assert session.advance_to(0.04).status is Status.OK
+        state = read(session)
+    # First order in a step, in which a body goes half a cell at most.
+    np.testing.assert_allclose(state.velocities[:, 0].mean(), speed * -np.expm1(-0.04 * drag), rtol=0.02)
+
+
+def test_winds_together_make_nothing_faster_than_the_air():
+    wind = Wind(velocity=(1.0, 0.0, 0.0), drag=5000.0)
+    with session_of(problem_of([cube()], SIDE, force_fields=(wind,) * 3, gravity=(0.0, 0.0, 0.0))) as session:
+        assert session.advance_to(0.02).status is Status.OK
+        np.testing.assert_allclose(read(session).velocities.mean(axis=0), [1.0, 0.0, 0.0], atol=1e-6)
