@@ -25,6 +25,7 @@ def run(gasp, installed, workplace, bucket, monkeypatch):
     return address
 
 
+@pytest.mark.thorough
 def test_it_is_verified_exported_drawn_and_packed(gasp, run, workplace):
     pytest.importorskip("gasp_renderer")
     verified = gasp("verify", run)

@@ -363,6 +363,7 @@ def test_the_dance_is_what_she_was_taught(dancer):
         assert np.sqrt((off**2).mean()) < 0.04 * np.abs(taught - bear.means).max()
 
 
+@pytest.mark.thorough
 def test_the_dancer_dropped_leaves_with_the_swing_she_has(dancer, tmp_path):
     """With a real engine, in free flight: its points' centre of mass goes on as psi would have had it go at s0."""
     folder, _ = dancer

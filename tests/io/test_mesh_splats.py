@@ -66,6 +66,7 @@ def drawn(mesh, camera, samples=2):
     return picture.reshape(camera.height, samples, camera.width, samples, 3).mean(axis=(1, 3))
 
 
+@pytest.mark.thorough
 def test_a_textured_mesh_looks_like_itself(tmp_path):
     """50,000 faces through a .glb. What is left lies on the outline, which splats draw half a pixel wider."""
     pytest.importorskip("gasp_renderer")

@@ -226,6 +226,7 @@ def test_what_is_damaged_says_so(recorded, opened, tmp_path):
     assert len(complaints) == 1
 
 
+@pytest.mark.thorough
 def test_a_capture(data, opened, scene_of, run, tmp_path):
     """The skull, degree 3, as its file has it: what a reader of .sog that is ours sees, the page sees."""
     skull = read_splat(data / "splats/skull.sog")

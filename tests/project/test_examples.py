@@ -15,6 +15,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("GASP_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
+LONG = ("potted_plant", "sand_castle", "shaken_pot", "swaying_plant", "tumbling_pot")
+"""Those of captures and of many bodies."""
+
+
 @pytest.fixture(scope="module")
 def examples(tmp_path_factory):
     folder = tmp_path_factory.mktemp("examples")
@@ -26,7 +30,13 @@ def examples(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.toml")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(path.name, marks=pytest.mark.thorough if path.stem in LONG else ())
+        for path in sorted(EXAMPLES.glob("*.toml"))
+    ],
+)
 def test_scene(name, examples, monkeypatch):
     if "$GASP_DATA" in (examples / name).read_text():
         if not DATA.is_dir():

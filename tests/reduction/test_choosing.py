@@ -115,6 +115,7 @@ def test_there_are_as_many_cells_as_its_matter_needs(splat, options, cells):
     assert assembly.spacing == assembly.accuracy.spacing == pytest.approx(size / cells, rel=0.02)
 
 
+@pytest.mark.thorough
 def test_the_smallest_object_decides_up_to_a_bound():
     large, small = shell(SHAPES["sphere"], count=5_000), shell(SHAPES["sphere"], count=5_000, seed=1)
     both = assembled(thing(large, "large", height=1.0), thing(small, "small", height=0.6))

@@ -294,6 +294,7 @@ def test_parts_and_two_meshes_in_one_scene(file_of):
     assert held[inside].any() and held[~inside].any() and not held.all()
 
 
+@pytest.mark.thorough
 def test_an_engine_moves_it_and_goes_on_to_the_bit(record, scene_of, file_of, tmp_path):
     mesh = ball(0.3)
     choice = Reduction(mode="mesh", mesh=file_of(mesh))

@@ -75,6 +75,7 @@ def test_turned_with_its_camera_it_looks_the_same(prepared, camera, quaternion):
     assert unturned < 30
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["plant.splat", "skull.sog"])
 def test_the_first_frame_of_a_run_looks_as_its_file_does(data, name):
     jelly = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)

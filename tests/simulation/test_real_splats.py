@@ -18,14 +18,12 @@ from gasp_core.simulation.splat_sources import prepare
 LARGE = ["splats/playbot/0_0", "splats/playbot/1_0", "splats/playbot/2_0", "meshlike/spot_100k.splat"]
 AGAIN = ["splats/playbot_lod3_inria_sh2.ply", "splats/skull_inria_sh3.ply", "splats/statue-angel.compressed.ply"]
 """Others in another format."""
+THOROUGH = ("skull", "statue-angel", "statue-massa", "statue-st-peter")
 FILES = [
     "splats/fruit_drops_minimal.ply",
     "splats/guitar.compressed.ply",
     "splats/plant.splat",
-    "splats/skull.sog",
-    "splats/statue-angel.sog",
-    "splats/statue-massa.sog",
-    "splats/statue-st-peter.sog",
+    *(pytest.param(f"splats/{name}.sog", marks=pytest.mark.thorough) for name in THOROUGH),
     "splats/train-1000.ply",
     *(f"splats/playbot/{level}_0" for level in range(3, 7)),
     "meshlike/spot_10k.splat",

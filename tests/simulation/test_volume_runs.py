@@ -79,6 +79,7 @@ def centre(run, frame):
     return run.points(frame).mean(axis=0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("engine", ["reference-mpm", "taichi-mpm", "warp-mpm", "mujoco-flex", "genesis-mpm", "blender"])
 def test_a_ball_lands_on_the_floor_and_stays_whole(engine, ball, tmp_path):
     ready(engine)

@@ -73,7 +73,9 @@ def test_which_captures_were_trained(file, trained, data):
     assert was_trained(found) == trained
 
 
-@pytest.mark.parametrize("name", ["sphere", "thin box", "open dome"])
+@pytest.mark.parametrize(
+    "name", ["sphere", *(pytest.param(one, marks=pytest.mark.thorough) for one in ("thin box", "open dome"))]
+)
 def test_what_nobody_saw_moves_no_surface(name):
     shape = SHAPES[name]
     splat = trained_shell(shape)
@@ -97,6 +99,7 @@ def test_which_surface_is_meant_can_be_said():
     assert 1.02 < told["seen"] / told["middle"] < (1 + 0.01 / 0.5) ** 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CAPTURES)
 def test_the_body_of_a_capture_ends_where_one_sees_it(name, data):
     item = SplatObject(name="it", splat=data / "splats" / name, static=True, height=0.4)

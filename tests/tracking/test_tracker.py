@@ -47,7 +47,7 @@ def bent(points, angle):
     return np.stack([c * points[:, 0] + s * low, points[:, 1], c * low - s * points[:, 0] - 0.6], axis=1)
 
 
-@pytest.mark.parametrize(("motion", "most"), [(turned, 0.002), (bent, 0.03)])
+@pytest.mark.parametrize(("motion", "most"), [(turned, 0.002), pytest.param(bent, 0.03, marks=pytest.mark.thorough)])
 def test_where_the_first_frame_is_in_later_ones(motion, most):
     """Of 4,000 Gaussians, each frame other ones, and as many as it likes, .8 % of the diagonal apart.
 

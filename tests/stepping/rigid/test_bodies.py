@@ -46,6 +46,7 @@ def test_one_point_alone_has_a_velocity_and_no_spin():
     assert (bodies.moments > 0).all()
 
 
+@pytest.mark.thorough
 def test_a_hundred_turns_leave_it_rigid_and_keep_its_momenta():
     problem, bodies, state = tumbling()
     start, spins, energy = problem.points.reference_positions, state.spins, state.kinetic_energies(bodies)

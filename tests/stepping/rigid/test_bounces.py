@@ -22,8 +22,8 @@ def energies(world):
     return float(world.state.kinetic_energies(world.bodies).sum() + GRAVITY * (world.bodies.masses @ heights))
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (3.0, 4.0, 0.0)])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.thorough), 0.5])
+@pytest.mark.parametrize("spin", [pytest.param((0.0, 0.0, 0.0), marks=pytest.mark.thorough), (3.0, 4.0, 0.0)])
 def test_a_block_that_bounces_for_three_seconds_gains_nothing(friction, spin):
     points = block((4, 3, 2), SIDE, (0.0, 0.0, 0.35))
     start = np.cross(spin, points - points.mean(axis=0))

@@ -44,7 +44,13 @@ def momenta(world):
     return np.concatenate([straight, world.state.spins + np.cross(world.state.places, straight)], axis=1).sum(axis=0)
 
 
-@pytest.mark.parametrize("spin, shift", [((0, 0, 6.0), 0.0), ((0, 0, 6.0), 0.08), ((2.0, 3.0, 5.0), 0.0)])
+@pytest.mark.parametrize(
+    "spin, shift",
+    [
+        *(pytest.param((0, 0, 6.0), shift, marks=pytest.mark.thorough) for shift in (0.0, 0.08)),
+        ((2.0, 3.0, 5.0), 0.0),
+    ],
+)
 def test_two_that_stick_spin_as_one_for_four_seconds(spin, shift):
     parts, step = pair(shift=shift), 2e-3
     world, session = alone(parts, spinning(parts, spin), substep=step)

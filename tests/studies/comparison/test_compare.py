@@ -53,6 +53,7 @@ def test_pictures_are_those_of_the_same_places(whole):
     assert whole.rows[2].film is None
 
 
+@pytest.mark.thorough
 def test_the_report_says_the_same_as_the_comparison(whole):
     report = json.loads((whole.folder / "comparison.json").read_text(encoding="utf-8"))
     assert report == whole.to_json()

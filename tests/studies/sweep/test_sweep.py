@@ -58,6 +58,7 @@ def test_rows_are_what_runs_by_hand_come_to(scene, tmp_path, measured):
     assert not list((tmp_path / "out" / "runs").iterdir()), "recordings that nobody asked to keep"
 
 
+@pytest.mark.thorough
 def test_parquet_is_the_same_table(scene, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     plan = planned(scene, settings_of(["engine.options.spin=1,x,2.5"]))
@@ -206,6 +207,7 @@ def test_recordings_that_are_kept(scene, tmp_path):
     assert recording.status == "complete" and recording.frame_count == 5
 
 
+@pytest.mark.thorough
 def test_recordings_at_an_address(scene, tmp_path):
     """Workers bring them there; nothing of them stays here."""
     from gasp_core import Recording

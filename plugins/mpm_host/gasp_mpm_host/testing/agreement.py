@@ -292,6 +292,7 @@ class AgreementTests:
         if precision == "float64":
             assert np.abs(found.deformation_gradients - expected.deformation_gradients).max() <= 1e-8
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("precision", ["float64", "float32"])
     @pytest.mark.parametrize("company", COMPANIES)
     def test_500_steps_of_several_bodies_agree_with_the_reference(self, kit, reference, company, precision):
@@ -304,6 +305,7 @@ class AgreementTests:
         free = problem.points.reference_positions + _STEP * _STEPS * problem.points.initial_velocities
         assert np.abs(found.positions - free)[:, :2].max() > 0.05 * _SIDE
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("company", ["rigid and soft", "one that is led", "a rigid part"])
     def test_companies_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit, company):
         problem, half = COMPANIES[company](), _STEP * _STEPS / 2

@@ -101,6 +101,7 @@ class ExtremesTests:
         _, other, _ = _drop(kit, scaled, duration=0.05 * np.sqrt(scale), speed=np.sqrt(scale), scale=scale)
         assert np.abs(one - other).max() / 0.4 <= 1e-4
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("count", [1, 2, 3])
     @pytest.mark.parametrize("kind", ["elastic", "sand", "fluid", "snow", "metal"])
     def test_a_few_coincident_points_fall_freely(self, kit, kind, count):
@@ -136,6 +137,7 @@ class ExtremesTests:
         inverted = (np.linalg.det(state.deformation_gradients) <= 0).sum()
         assert (inverted == 0) or any("inverted" in warning for warning in report.warnings)
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("kind", ["snow", "metal", "plasticine", "foam"])
     def test_what_flows_survives_a_crash(self, kit, kind):
         """At three times the speed of sound everything yields, and some of it is turned inside out."""
@@ -162,6 +164,7 @@ class ExtremesTests:
         pressure = water.bulk_modulus / 7 * (CROWDED_VOLUME_RATIO**-7 - 1)
         assert 0.5 * 1000 * (state.velocities**2).sum(axis=1).mean() <= 0.5 * 1000 * 1.0**2 + pressure
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("precision", ["float32", "float64"])
     def test_snow_that_hardens_beyond_all_steps_ends_with_a_reason(self, kit, precision):
         snow = replace(kit.materials["snow"], hardening=1e5)
