@@ -26,12 +26,12 @@ def rigid_share(masses: Array, places: Array, missing: Array) -> Array:
     Parameters
     ----------
     masses : (M,)
-        Of the nodes.
+        Of the nodes; where these are damped, in proportion to velocities at the end of the step, m + h d instead of m.
     places : (M, 3)
         Before the step, from any point.
     missing : (M, 3)
-        Momentum that each node had before the step, and got from outside, less what it has now. Forces from node to
-        node are in it as well, and cancel.
+        Momentum that each node had before the step, and got from outside, dampers included, less what it has now.
+        Forces from node to node are in it as well, and cancel.
     """
     mass = masses.sum()
     arms = places - masses @ places / mass

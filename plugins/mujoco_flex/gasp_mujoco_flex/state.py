@@ -42,6 +42,8 @@ class State:
         self._moved = self.data.qpos[: 3 * count].reshape(count, 3)
         self._speeds = self.data.qvel[: 3 * count].reshape(count, 3)
         self._masses = np.ascontiguousarray(model.nodal_masses)
+        # All three axes of a node are damped alike.
+        self._damping = model.mj.dof_damping[: 3 * count : 3].copy()
         self._rest = model.units.place(self.rest)
         self._cages = [slice(first, first + len(cage.masses)) for cage, first in zip(model.cages, model.first_nodes)]
         self._poses = self.data.qpos[3 * count :].reshape(bodies, 7)
@@ -88,10 +90,15 @@ class State:
         """
         option = self._model.mj.opt
         outer = (self.data.qfrc_applied + self.data.qfrc_constraint)[: speeds.size].reshape(-1, 3)
-        masses = self._masses[:, None]
+        masses, damping = self._masses[:, None], option.timestep * self._damping
         missing = masses * (speeds - self._speeds + option.timestep * option.gravity) + option.timestep * outer
+        # Dampers of nodes, after Rayleigh in proportion to mass, hold to no other node: what they take stays taken.
+        # They resist the velocity that a step ends with, and so what is given back as well. Damping in proportion to
+        # stiffness is between nodes, and takes nothing.
+        missing -= damping[:, None] * self._speeds
+        inertia = self._masses + damping
         for own in self._cages:
-            change = rigid_share(self._masses[own], places[own], missing[own])
+            change = rigid_share(inertia[own], places[own], missing[own])
             self._speeds[own] += change
             self._moved[own] += option.timestep * change
 

@@ -22,3 +22,16 @@ def test_a_step_leaves_the_momenta_that_it_should():
     share = rigid_share(masses, places, masses[:, None] * (before - after) + step * outer)
     apart = places[:, None] - places
     assert np.abs(np.einsum("ijk,ijk->ij", apart, share[:, None] - share)).max() <= 1e-12
+
+
+def test_what_a_step_gives_back_is_damped_as_well():
+    rng = np.random.default_rng(1)
+    masses, damping, places, before, after = rng.random(20) + 0.1, rng.random(20), *rng.normal(size=(3, 20, 3))
+    step = 0.3
+    missing = masses[:, None] * (before - after) - step * damping[:, None] * after
+    velocities = after + rigid_share(masses + step * damping, places, missing)
+    # Nodes damped each at its own rate: what they lost is what their dampers took, of momentum and of spin.
+    forces = masses[:, None] * (before - velocities) - step * damping[:, None] * velocities
+    # To the rounding of some hundred terms of about 1.
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.cross(places, forces).sum(axis=0), 0.0, atol=1e-12)

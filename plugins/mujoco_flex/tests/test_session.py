@@ -53,9 +53,10 @@ def test_what_is_dropped_lies_on_the_floor(block, opened, elements, material):
     assert state.positions[:, 2].min() == pytest.approx(0.025, abs=5e-3)
 
 
-def test_a_soft_body_keeps_its_momenta_in_long_steps(block, opened):
+@pytest.mark.parametrize("damping", [{}, {"stiffness_damping": 0.01}, {"mass_damping": 2.0}], ids=str)
+def test_a_soft_body_keeps_the_momenta_that_damping_leaves_it_in_long_steps(block, damping):
     # Turned by a fifth of a radian and stretched by a hundredth in each of 100 steps, in which sound crosses six cells.
-    problem = block(SOFT, (8, 6, 4), gravity=(0, 0, 0))
+    problem = block(replace(SOFT, **damping), (8, 6, 4), gravity=(0, 0, 0))
     arms = problem.points.reference_positions - problem.points.reference_positions.mean(axis=0)
     velocities = np.array([3.0, -1.0, 2.0]) + np.cross([4.0, 6.0, 3.0], arms) + arms * [0.5, -0.3, 0.1]
     problem = replace(problem, points=replace(problem.points, initial_velocities=velocities))
@@ -65,8 +66,21 @@ def test_a_soft_body_keeps_its_momenta_in_long_steps(block, opened):
             assert session.advance_to(0.02 * number).status is Status.OK
             moments.append(np.concatenate(nodal_momenta(session)))
     start, size = moments[0], np.abs(moments[0]).max()
+    # Backward Euler's p1 = p0 - a dt p1 of both, also of spin about a point that stays.
+    left = (1 + 0.02 * problem.materials[0].mass_damping) ** -np.arange(101.0)
     # Each step rounds some hundred sums of as many nodes; a random walk of hundred steps, and a margin of ten.
-    assert np.abs(np.array(moments) - start).max() <= 1e-13 * 10 * size
+    assert np.abs(np.array(moments) - left[:, None] * start).max() <= 1e-13 * 10 * size
+
+
+def test_a_body_falls_as_its_damping_lets_it(block, opened):
+    damping, time = 5.0, 1.0
+    with opened(block(replace(SOFT, mass_damping=damping))) as session:
+        step = session.advance_to(time).largest_substep
+        fallen = session.read(MOVING).velocities.mean(axis=0)
+    # Backward Euler is off by a dt / 2 a t exp(-a t) of where it leads to, which is g / a.
+    exact = 9.81 / damping * -math.expm1(-damping * time)
+    allowed = 1.05 * 9.81 / damping * damping * step / 2 * damping * time * math.exp(-damping * time)
+    assert np.linalg.norm(fallen + [0, 0, exact]) <= allowed
 
 
 def nodal_momenta(session):
