@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gasp_conformance import capability_oracles as exact
+from gasp_conformance import oracles
+from gasp_conformance.bounds import place_rounding, rounding
 from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.material_cases import lame_block
-from gasp_conformance.observables import Oscillation, damped_oscillation, mode_amplitude
+from gasp_conformance.observables import Oscillation, angular_momentum, damped_oscillation, mode_amplitude
 from gasp_conformance.specimens import NO_GRAVITY
 from gasp_conformance.subject import Journal, Subject
 from gasp_core.contract import (
@@ -18,12 +22,15 @@ from gasp_core.contract import (
     ContactCondition,
     Elastic,
     EngineAccuracy,
+    Field,
     HalfSpace,
     NeoHookean,
     PointProblem,
 )
 
-__all__ = ["Dying", "column_comes_to_rest", "plate_comes_to_rest"]
+__all__ = ["Dying", "Flown", "blocks_fly", "column_comes_to_rest", "plate_comes_to_rest"]
+
+Array = NDArray[Any]
 
 _CELLS = 8
 
@@ -35,6 +42,24 @@ class Dying:
     error: float
     dispersion: float
     stepping: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """Momenta of a body that flies and spins: largest errors, and what steps, grid and rounding may leave of them.
+
+    Parameters
+    ----------
+    way, way_allowed
+        Of its centre [m].
+    spin, spin_allowed
+        Of its angular momentum, over what that was at first.
+    """
+
+    way: float
+    way_allowed: float
+    spin: float
+    spin_allowed: float
 
 
 def plate_comes_to_rest(subject: Subject, material: Elastic | NeoHookean) -> Dying:
@@ -109,3 +134,80 @@ def column_comes_to_rest(subject: Subject, material: Elastic | NeoHookean) -> Dy
         dispersion=0.0,
         stepping=(damping + 2 * math.pi * frequency) * journal.largest_substep,
     )
+
+
+def blocks_fly(
+    subject: Subject, by_mass: Elastic | NeoHookean, by_stiffness: Elastic | NeoHookean
+) -> tuple[Flown, Flown]:
+    """Two blocks are thrown, spinning, far from each other: one of matter damped by mass, one damped by stiffness.
+
+    Matter damped by mass loses both momenta, dp/dt = M g - a p and dL/dt = -a L, whatever goes on within it; what is
+    damped by stiffness loses neither.
+    """
+    spacing, cells, end = 0.1, 3, 0.5
+    velocity, spin, gravity = np.array([1.1, -0.6, 0.9]), np.array([0.5, -0.4, 0.8]), np.array([3.1, -4.3, -8.2])
+    blocks = [box_of_points((0.37 + 2.75 * side, -0.21, 0.11), (cells, cells, cells), spacing) for side in (0, 1)]
+    arms = blocks[0] - blocks[0].mean(axis=0)
+    # It breathes as well, so that damping by stiffness has something to do.
+    thrown = velocity + np.cross(spin, arms) + 0.1 * arms
+    problem = PointProblem(
+        points=cloud_of(blocks, [thrown, thrown], spacing, [0, 1]),
+        materials=(by_mass, by_stiffness),
+        gravity=tuple(gravity),
+    )
+    times, journal = np.linspace(0, end, 6), Journal()
+    accuracy = EngineAccuracy(spacing=spacing, substep=2e-3)
+    states = list(subject.states(problem, accuracy, times, {Field.VELOCITIES}, journal))
+    step = journal.largest_substep
+    reach = max(float(np.abs(state.positions).max()) for state in states)
+    travel = float(np.linalg.norm(velocity)) * end + float(np.linalg.norm(gravity)) * end**2 / 2
+    rounded = place_rounding(subject, journal.substep_count, reach, travel)
+    flown: list[Flown] = []
+    for side, (block, material) in enumerate(zip(blocks, problem.materials)):
+        rows, damping = problem.points.material_ids == side, material.mass_damping
+        masses, square = problem.masses[rows], float(np.sum(arms**2))
+        first = angular_momentum(masses, block, thrown)
+        way = turning = swing = 0.0
+        for state in states:
+            assert state.velocities is not None
+            places = state.positions[rows]
+            if damping > 0:
+                gone = exact.carried_by_wind(velocity, gravity / damping, damping, state.time)
+            else:
+                gone = oracles.free_fall((0.0, 0.0, 0.0), velocity, gravity, state.time)
+            way = max(way, float(np.linalg.norm((places - block).mean(axis=0) - gone)))
+            kept = first * math.exp(-damping * state.time)
+            missing = angular_momentum(masses, places, state.velocities[rows]) - kept
+            turning = max(turning, float(np.linalg.norm(missing) / np.linalg.norm(first)))
+            swing = max(swing, abs(float(np.sum((places - places.mean(axis=0)) ** 2)) / square - 1))
+        # The points' own affine fields hold a share dx^2 / (2 r_g^2) of what turns, and it changes as the moment of
+        # inertia does: see `readout_cases.spinning_plate`. Of a cube, r_g^2 is two thirds of the mean square.
+        hidden = 2 * spacing**2 / (2 * 2 / 3 * square / len(block)) * swing
+        flown.append(
+            Flown(
+                way=way,
+                way_allowed=_fall_stepping(damping, velocity, gravity, end, step) + rounded,
+                spin=turning,
+                spin_allowed=_decay_stepping(damping, step) + hidden + rounding(subject, journal.substep_count),
+            )
+        )
+    return flown[0], flown[1]
+
+
+def _fall_stepping(damping: float, velocity: Array, gravity: Array, time: float, step: float) -> float:
+    """What Euler's rule, of either kind, is off by in a damped fall at most [m]."""
+    pull = float(np.linalg.norm(gravity))
+    if damping == 0:
+        return 1.05 * oracles.euler_fall_error(pull, time, step)
+    # Drag, and the way of a step, may be of the velocity at any moment of it, with its gravity and drag or without:
+    # that is off by what these do in a step. An error of the velocity dies away as the velocity does.
+    change = (pull + float(np.linalg.norm(gravity - damping * velocity))) * step
+    by_way, by_drag = change * time, change * (time + math.expm1(-damping * time) / damping)
+    return by_way + by_drag
+
+
+def _decay_stepping(damping: float, step: float) -> float:
+    """What it is off by at most in exp(-a t), of 1 at first."""
+    # (1 - a dt)^n and (1 + a dt)^-n are off by (a dt / 2) a t exp(-a t) in the first order, a dt / 2 e where that is
+    # largest, and velocities may be known half a step early or late.
+    return 1.05 * damping * step / 2 * (1 / math.e + 1)

@@ -9,10 +9,10 @@ import pytest
 
 from gasp_conformance import capability_oracles as exact
 from gasp_conformance.checks import Level, check
-from gasp_conformance.damping_cases import column_comes_to_rest, plate_comes_to_rest
+from gasp_conformance.damping_cases import blocks_fly, column_comes_to_rest, plate_comes_to_rest
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.subject import Need, Subject
-from gasp_core.contract import ContactCondition, Elastic, HalfSpace, NeoHookean
+from gasp_core.contract import ContactCondition, Elastic, HalfSpace, NeoHookean, Quantity
 
 RATIO = 0.1
 """Of the critical damping: of the amplitude half is left after a period."""
@@ -42,3 +42,21 @@ def test_matter_is_damped(
     ledger.at_most(
         f"{kind.kind}, {damping}", "rate of decay / closed form - 1", dying.error, dying.dispersion + dying.stepping
     )
+
+
+@pytest.mark.parametrize("kind", [pytest.param(kind, id=f"flight-{kind.kind}") for kind in (Elastic, NeoHookean)])
+@check("material-damping", Level.CAPABILITY)
+def test_flight_is_damped(subject: Subject, ledger: Ledger, need: Need, kind: type[Elastic] | type[NeoHookean]) -> None:
+    """What flies and spins loses momentum and spin at the rate of damping by mass, and none by damping by stiffness."""
+    can = subject.descriptor.capabilities
+    need(can.material_damping, "damped materials")
+    need(kind in can.materials, kind.kind)
+    need(Quantity.LINEAR_MOMENTUM in can.conserved, "that it conserves linear momentum")
+    bare = kind(density=1000.0, youngs_modulus=1e4, poissons_ratio=0.3)
+    # A tenth of what is critical for a wave that goes to and fro in 0.3 m at 4 m/s.
+    by_mass, by_stiffness = replace(bare, mass_damping=3.0), replace(bare, stiffness_damping=2 * RATIO / 40)
+    for name, body in zip(("mass", "stiffness"), blocks_fly(subject, by_mass, by_stiffness)):
+        case = f"{kind.kind}, {name}, flight"
+        ledger.at_most(case, "centre - closed form [m]", body.way, body.way_allowed)
+        if Quantity.ANGULAR_MOMENTUM in can.conserved:
+            ledger.at_most(case, "spin - closed form, of its first", body.spin, body.spin_allowed)
