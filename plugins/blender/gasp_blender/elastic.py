@@ -122,7 +122,7 @@ class Elastic:
         self._led = LedCage.of(problem, nodes, owners, spacing)
         if self._led is not None and self._led.holds_nothing(owners):
             self.told = [*self.told, HOLDS_NOTHING]
-        self._constrain(0.0, 0.0)
+        self._constrain(0.0, 0.0, 0.0)
 
     def step(self, now: float, end: float, step: float) -> bool:
         """From `now` to `end` [s]; False, and nothing changed, where Blender's state is not finite."""
@@ -144,7 +144,7 @@ class Elastic:
             self._frames.fly(before, after, np.asarray(self._problem.gravity), step)
         self._keep_open()
         self._meet(step)
-        self._constrain(end, step)
+        self._constrain(now, end, step)
         return True
 
     def positions(self) -> Array:
@@ -264,8 +264,8 @@ class Elastic:
                 given = scatter(matter.cage, matter.point_masses * inside) / matter.masses
                 self._put(None, self._velocities() + given[:, None] * kick)
 
-    def _constrain(self, now: float, step: float) -> None:
-        """Contact, then what drives hold, which is stronger, then what is led."""
+    def _constrain(self, begun: float, now: float, step: float) -> None:
+        """At the end of a step: contact, then what drives hold, which is stronger, then what is led."""
         if not (self._problem.colliders or self._problem.drives or self._led):
             return
         places, velocities = self._places(), self._velocities()
@@ -273,10 +273,17 @@ class Elastic:
             reach = _NEAR * self._length
             sizes = self._matter.sizes
             places, velocities = touch(self._problem.colliders, self._bonds, places, velocities, sizes, reach, step)
-        for number, drive in enumerate(self._problem.drives):
-            if not isinstance(drive, (Pinned, Driven)):
-                continue
-            grips = self._grips[number]
+        holding = [
+            (drive, grips)
+            for drive, grips in zip(self._problem.drives, self._grips)
+            if isinstance(drive, (Pinned, Driven))
+        ]
+        for drive, grips in holding:
+            if begun < drive.end <= now:
+                # It held throughout the step, and lets go at its end; what holds on goes on from there.
+                held = ~np.isnan(grips[:, 0])
+                places[held], velocities[held] = rigid_motion(drive, now, grips[held])
+        for drive, grips in holding:
             if not drive.start <= now < drive.end:
                 grips[:] = np.nan
                 continue
