@@ -137,7 +137,7 @@ def endings(installed: None, pytester: pytest.Pytester) -> Any:
     return run
 
 
-LONG = ("flow", "flows", "metal", "rigid", "snow", "solvers")
+LONG = ("damping", "flow", "flows", "metal", "rigid", "snow", "solvers")
 """Modules of mutants whose checks take seconds, where others take a tenth."""
 
 
