@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,13 @@ def rigid_surfaces(
 
 
 def _known_shape(placed: PlacedObject) -> SignedDistanceField | None:
-    """What an object fills, where there is a solid that says it."""
+    """What of an object is simulated fills, where there is a solid that says it."""
     if placed.moving.sum() <= FEW or placed.solid().solid.is_empty:
         return None
-    return field_of(placed.solid(), placed.item.name)
+    whole, region = field_of(placed.solid(), placed.item.name), placed.item.region
+    if region is None:
+        return whole
+    # The solid is that of all of the splat: what is outside the region stays still, and touches nothing.
+    places = whole.origin + whole.spacing * np.indices(whole.values.shape).reshape(3, -1).T
+    values = np.maximum(whole.values, region.signed_distance(places).reshape(whole.values.shape))
+    return replace(whole, values=values) if (values < 0).any() else None

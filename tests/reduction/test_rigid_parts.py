@@ -30,6 +30,7 @@ MODES = {
     "volume": Reduction(mode="volume"),
 }
 LEFT = BoxShape(center=(-0.5, 0, 0.5), half_extents=(0.5, 1, 1))
+UPPER = BoxShape(center=(0, 0, 1), half_extents=(1, 1, 0.5))
 RIGHT = BoxShape(center=(0.5, 0, 0.5), half_extents=(0.25, 1, 1))
 
 
@@ -39,11 +40,22 @@ def cube():
     return shell(SHAPES["cube"], count=4_000)
 
 
-def assembled(splat, *parts, reduction=MODES["volume"], material=SOFT, others=(), contacts=()):
-    items = [SplatObject(name="thing", splat=splat, material=material, parts=parts, reduction=reduction), *others]
+def assembled(splat, *parts, reduction=MODES["volume"], material=SOFT, others=(), contacts=(), **own):
+    thing = SplatObject(name="thing", splat=splat, material=material, parts=parts, reduction=reduction, **own)
+    items = [thing, *others]
     accuracy = EngineAccuracy(resolution=12)
     scene = Scene(duration=1, frame_rate=1, objects=tuple(items), accuracy=accuracy, contacts=tuple(contacts))
     return assemble(scene, [place_object(item, splat) for item in items])
+
+
+def off_box(shape, lower, upper):
+    """How far a shape's distances are off those of a box, near its surface: the distribution's 95th hundredth [m]."""
+    middle, half = (np.asarray(upper) + lower) / 2, (np.asarray(upper) - lower) / 2
+    places = np.random.default_rng(0).uniform([-0.7, -0.7, -0.2], [0.7, 0.7, 1.2], (2_000, 3))
+    away = np.abs(places - middle) - half
+    exact = np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
+    near = np.abs(exact) < 3 * shape.spacing
+    return np.quantile(np.abs(shape.signed_distance(places)[near] - exact[near]), 0.95)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -96,17 +108,40 @@ def test_the_surface_of_a_part_is_that_of_the_body_and_ends_where_the_part_does(
     problem = assembled(cube, Part(region=LEFT, material=HARD)).problem
     shape = body_shapes(problem)[1]
     step = 1 / 24
-    places = np.random.default_rng(0).uniform([-0.7, -0.7, -0.2], [0.7, 0.7, 1.2], (2_000, 3))
-    # The half cube, from the middle of which the distance is a known one.
-    away = np.abs(places - [-0.25, 0, 0.5]) - [0.25, 0.5, 0.5]
-    exact = np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
-    near = np.abs(exact) < 3 * shape.spacing
-    off = shape.signed_distance(places)[near] - exact[near]
     # Half of the distance between two layers of points is as near as the seam is known, and a voxel the rest.
-    assert np.quantile(np.abs(off), 0.95) < step / 2 + shape.spacing
+    assert off_box(shape, (-0.5, -0.5, 0), (0, 0.5, 1)) < step / 2 + shape.spacing
     rigid = problem.points.body_ids == 1
     inside = shape.signed_distance(problem.points.reference_positions) < 0
     assert (inside == rigid).mean() > 0.97
+
+
+def test_a_rigid_body_with_a_region_has_the_surface_the_mass_and_the_inertia_of_what_is_in_it(cube):
+    problem = assembled(cube, material=HARD, region=UPPER).problem
+    shape = body_shapes(problem)[0]
+    # The cut goes through no voxel unseen: distances to it are exact, and the rest is as near as the solid is.
+    assert off_box(shape, (-0.5, -0.5, 0.5), (0.5, 0.5, 1)) < shape.spacing
+    # Layers of points lie 1/24 apart, so that the lowest is as much as that above the cut.
+    places, masses, step = problem.points.reference_positions, problem.masses, 1 / 24
+    assert 0.5 <= places[:, 2].min() < 0.5 + step
+    assert masses.sum() == pytest.approx(900 * 0.5, rel=2 * step)
+    centre = masses @ places / masses.sum()
+    assert centre == pytest.approx([0, 0, 0.75], abs=step / 2)
+    spread = masses @ (places - centre) ** 2 / masses.sum()
+    # Of a box of sides 1, 1 and .5, each off by a step at the most: a twelfth of their squares.
+    assert spread == pytest.approx([1 / 12, 1 / 12, 1 / 48], rel=4 * step)
+
+
+@pytest.mark.parametrize("mode", ["cores", "all"])
+def test_so_it_does_where_points_are_those_of_gaussians(cube, mode):
+    shape = body_shapes(assembled(cube, material=HARD, region=UPPER, reduction=MODES[mode]).problem)[0]
+    assert off_box(shape, (-0.5, -0.5, 0.5), (0.5, 0.5, 1)) < shape.spacing
+
+
+def test_a_rigid_part_of_an_object_with_a_region_ends_where_that_does(cube):
+    """Beyond it there is matter that stays still, and is nearer to the part's points than to others."""
+    low = BoxShape(center=(0, 0, 0.5), half_extents=(1, 1, 0.25))
+    shape = body_shapes(assembled(cube, Part(region=low, material=HARD), region=UPPER).problem)[1]
+    assert off_box(shape, (-0.5, -0.5, 0.5), (0.5, 0.5, 0.75)) < 1 / 48 + shape.spacing
 
 
 def test_few_gaussians_have_no_solid_and_a_part_of_them_no_surface_but_that_of_its_points(cube):
