@@ -18,7 +18,7 @@ Array = NDArray[Any]
 _NEAR = 3.0
 """Spacings of a field: what is farther out of all matter is out of the part, and need not be asked."""
 _MARGIN = 3
-"""Nodes around a part."""
+"""Nodes around a part's points; twice as many where it goes on beyond them."""
 _FELT = 1.0
 """Cells up to which what deforms is taken along by a rigid part: farther off nothing holds the two together."""
 
@@ -63,22 +63,28 @@ def part_shape(whole: SignedDistanceField, own: Array, others: Array) -> SignedD
     """What of a body is nearer to a part's points (M, 3) [m] than to others (N, 3) [m]; None where nothing is."""
     from scipy.spatial import KDTree
 
-    values, first = _around(whole, own)
-    origin = np.asarray(whole.origin) + whole.spacing * first
-    near = np.argwhere(values < _NEAR * whole.spacing)
-    places = origin + whole.spacing * near
-    to_own, to_others = (KDTree(each).query(places, workers=processors())[0] for each in (own, others))
-    at = tuple(near.T)
-    values[at] = np.maximum(values[at], (to_own - to_others) / 2)
+    trees: list[Any] = [KDTree(each) for each in (own, others)]
+    margin = _MARGIN
+    while True:
+        values, first = _around(whole, own, margin)
+        origin = np.asarray(whole.origin) + whole.spacing * first
+        near = np.argwhere(values < _NEAR * whole.spacing)
+        to_own, to_others = (tree.query(origin + whole.spacing * near, workers=processors())[0] for tree in trees)
+        at = tuple(near.T)
+        values[at] = np.maximum(values[at], (to_own - to_others) / 2)
+        # Where points are few the body goes on beyond them, and no other is nearer: it ends with all of it at the last.
+        if (values[1:-1, 1:-1, 1:-1] <= 0).sum() == (values <= 0).sum():
+            break
+        margin *= 2
     if not (values < 0).any():
         return None
     x, y, z = (float(each) for each in origin)
     return SignedDistanceField(origin=(x, y, z), spacing=whole.spacing, values=values, error=whole.error)
 
 
-def _around(field: SignedDistanceField, points: Array) -> tuple[Array, Array]:
-    """The values of a field's nodes around points (M, 3) [m], and the first of these nodes (3,)."""
-    low = np.floor((points.min(axis=0) - field.origin) / field.spacing).astype(int) - _MARGIN
-    high = np.ceil((points.max(axis=0) - field.origin) / field.spacing).astype(int) + _MARGIN + 1
+def _around(field: SignedDistanceField, points: Array, margin: int) -> tuple[Array, Array]:
+    """The values of a field's nodes around points (M, 3) [m], so many to each side, and the first of these nodes."""
+    low = np.floor((points.min(axis=0) - field.origin) / field.spacing).astype(int) - margin
+    high = np.ceil((points.max(axis=0) - field.origin) / field.spacing).astype(int) + margin + 1
     low, high = np.maximum(low, 0), np.minimum(high, field.values.shape)
     return np.array(field.values[tuple(slice(*ends) for ends in zip(low, high))]), low

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 from splat_shells import SHAPES, shell
 
 from gasp_core import (
@@ -16,9 +17,9 @@ from gasp_core import (
     Scene,
     SplatObject,
 )
-from gasp_core.contract import BodyContact
+from gasp_core.contract import BodyContact, SignedDistanceField
 from gasp_core.reduction.assembly import assemble
-from gasp_core.reduction.rigid_parts import loose_parts, rigid_groups
+from gasp_core.reduction.rigid_parts import loose_parts, part_shape, rigid_groups
 from gasp_core.scene.selection import place_object
 from gasp_core.stepping.body_shape import body_shapes
 
@@ -142,6 +143,35 @@ def test_a_rigid_part_of_an_object_with_a_region_ends_where_that_does(cube):
     low = BoxShape(center=(0, 0, 0.5), half_extents=(1, 1, 0.25))
     shape = body_shapes(assembled(cube, Part(region=low, material=HARD), region=UPPER).problem)[1]
     assert off_box(shape, (-0.5, -0.5, 0.5), (0.5, 0.5, 0.75)) < 1 / 48 + shape.spacing
+
+
+def test_a_rigid_part_goes_on_beyond_its_points_as_far_as_no_other_is_nearer(cube):
+    """Ten cores are a third of the cube apart: between theirs and others' the seam is far from the points of both."""
+    problem = assembled(cube, Part(region=LEFT, material=HARD), reduction=Reduction(mode="cores", count=10)).problem
+    points, rigid = problem.points.reference_positions, problem.points.body_ids == 1
+    assert_nearer(body_shapes(problem)[1], points[rigid], points[~rigid])
+
+
+def test_so_it_does_where_it_is_a_single_point():
+    """Whose half of a cube reaches to all but one of its sides."""
+    cube = BoxShape(center=(0, 0, 0.5), half_extents=(0.5, 0.5, 0.5))
+    whole = SignedDistanceField.sampled(cube, (-0.5, -0.5, 0), (0.5, 0.5, 1), 0.03)
+    one, other = np.array([[-0.1, 0, 0.5]]), np.array([[0.1, 0, 0.5]])
+    shape = part_shape(whole, one, other)
+    assert shape is not None
+    assert_nearer(shape, one, other)
+
+
+def assert_nearer(shape, own, others):
+    """What is inside of a cube of one metre, farther than a voxel from its surface and the seam, is in the shape where
+    it is nearer to its own points."""
+    places = np.random.default_rng(0).uniform([-0.5, -0.5, 0], [0.5, 0.5, 1], (4_000, 3))
+    deep = SHAPES["cube"].distance(places) < -shape.spacing
+    to_own, to_others = (KDTree(each).query(places)[0] for each in (own, others))
+    chosen = deep & (np.abs(to_own - to_others) > 2 * shape.spacing)
+    inside = shape.signed_distance(places) < 0
+    assert chosen.sum() > 1_000
+    assert np.array_equal(inside[chosen], (to_own < to_others)[chosen])
 
 
 def test_few_gaussians_have_no_solid_and_a_part_of_them_no_surface_but_that_of_its_points(cube):
