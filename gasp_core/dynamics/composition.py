@@ -29,6 +29,8 @@ Array = NDArray[Any]
 
 _SAME = 1e-12
 """Of the extent: nearer than that, a simplex is where it is at rest."""
+_WITH_MESH = 1e-6
+"""Of how far the Gaussians reach: nearer than that, single precision has them where the file has them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,9 +236,30 @@ def play(item: SplatObject, gaussians: Gaussians, maps: MapChoice) -> tuple[Plac
             " nothing would move, start earlier"
         )
     played = Played(name=item.name, choice=choice, motion=motion, vertices=vertices)
-    begun = _moved(local, rest, played.simplices(0.0), maps.covariance)
+    begins = played.simplices(0.0)
+    if item.reduction.mode == "mesh":
+        _refuse_parting(played, rest, begins)
+    begun = _moved(local, rest, begins, maps.covariance)
     at_start = replace(placed, gaussians=begun.with_(means=begun.means + origin))
     return bounded_by_region(at_start), played
+
+
+def _refuse_parting(played: Played, rest: Array, start: Array) -> None:
+    """Refuse what has left its mesh when physics begins: only a formula says where it takes that.
+
+    Raises
+    ------
+    SceneError
+        With how far it is.
+    """
+    means = rest[:, 0]
+    gone = float(np.linalg.norm(start[:, 0] - means, axis=1).max(initial=0.0))
+    if not isinstance(played.motion, AnalyticMotion) and gone > _WITH_MESH * float(np.abs(means).max(initial=0.0)):
+        raise SceneError(
+            f'object "{played.name}": its motion of kind "{played.choice.kind}" starts up to {gone:.3g} m from where'
+            " its file has it, and does not say where that takes its mesh: let it start there, or choose another"
+            ' reduction.mode than "mesh"'
+        )
 
 
 def _motion_of(

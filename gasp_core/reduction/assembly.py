@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, PointProblem
 from gasp_core.dynamics.composition import Played, PrescribedMotion
+from gasp_core.dynamics.mesh_at_start import mesh_at_start
 from gasp_core.errors import SceneError
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.attached import Attached
@@ -28,7 +29,6 @@ from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.body_contacts import default_contact, pair_contacts
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import Reduction
-from gasp_core.scene.placed_mesh import mesh_of
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.stepping.body_faces import BodyFaces
 from gasp_core.stepping.grid import GridAnchor
@@ -245,7 +245,7 @@ def _sample(
         return sample_centres(block, spacing)
     if reduction.mode == "mesh":
         return sample_mesh(
-            block, mesh_of(placed), spacing, placed.item.name, known if isinstance(known, OnFaces) else None
+            block, mesh_at_start(placed), spacing, placed.item.name, known if isinstance(known, OnFaces) else None
         )
     if reduction.mode == "volume":
         frames = known if isinstance(known, PointFrames) else None

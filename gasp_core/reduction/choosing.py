@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Fluid, Material, Sand, Snow
+from gasp_core.dynamics.mesh_at_start import mesh_at_start
 from gasp_core.games import magnify
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.cores import CORNERS_A_CELL
@@ -21,7 +22,6 @@ from gasp_core.reduction.occupancy import occupied_cells
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.reduction.volume import POINTS_A_CELL
 from gasp_core.scene.objects import Reduction, laws_of
-from gasp_core.scene.placed_mesh import mesh_of
 from gasp_core.scene.placed_solid import FEW
 from gasp_core.scene.selection import PlacedObject
 
@@ -148,7 +148,7 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
     if mode in ("all", "centres"):
         return _filled_by(len(means) // _GAUSSIANS_A_CELL, means, size), "number of its Gaussians"
     if mode == "mesh":
-        mesh = mesh_of(placed)
+        mesh = mesh_at_start(placed)
         if not mesh.filled:
             return _filled_by(len(mesh.vertices) // _GAUSSIANS_A_CELL, mesh.vertices, size), "vertices of its mesh"
         # The mean depth in a slab is a quarter of its thickness, which is twice its volume to its area.
@@ -178,7 +178,7 @@ def _filled(placed: PlacedObject, mode: str) -> float:
     """Volume [m^3] of an object that is filled with points, by the spacing."""
     if mode == "volume":
         return placed.solid().volume
-    mesh = mesh_of(placed) if mode == "mesh" else None
+    mesh = mesh_at_start(placed) if mode == "mesh" else None
     return mesh.volume if mesh is not None and mesh.filled else 0.0
 
 

@@ -11,8 +11,10 @@ import pytest
 from scripted_engine import Scripted
 
 from gasp_core import (
+    Bend,
     Elastic,
     EngineAccuracy,
+    FrameSequence,
     Part,
     PythonMotion,
     RecordingChoice,
@@ -20,6 +22,7 @@ from gasp_core import (
     Scene,
     SplatObject,
     Swing,
+    Wave,
     load_scene,
     scene_to_toml,
     simulate,
@@ -33,6 +36,7 @@ from gasp_core.io.mesh_splats import splat_of_mesh
 from gasp_core.io.meshes import face_areas
 from gasp_core.io.painted_meshes import PaintedMesh
 from gasp_core.recording.verifying import verify
+from gasp_core.reduction.leading import trajectories_of
 from gasp_core.reduction.mesh import OnFaces
 from gasp_core.scene.digest import scene_digest
 from gasp_core.scene.placed_mesh import mesh_of, welded
@@ -243,6 +247,99 @@ def test_psi_and_then_phi(record, file_of, composition):
     angle = math.radians(40) * math.sin(2 * np.pi * 2 * TIME) if composition == "carried" else 0.0
     turn = rotation_matrices([[math.cos(angle / 2), 0, math.sin(angle / 2), 0]])[0]
     assert np.abs(found.means - splat.means @ turn.T).max() < 1e-5
+
+
+AT_START = {"phase": 90, "frequency": 1, "axis": (0, 1, 0)}
+FORMULAS = {
+    "swing": (Swing, {"pivot": (0.4, 0, 1), "amplitude": 40}),
+    "bend": (Bend, {"pivot": (0, 0, 0.5), "amplitude": 30, "length": 1.5}),
+    "wave": (Wave, {"amplitude": 0.3, "wavelength": 3, "direction": (1, 0, 0)}),
+}
+
+
+def begun(places, motion):
+    """Where a formula whose axis is +y has places of the world at its greatest."""
+    if isinstance(motion, Wave):
+        return places + [0, 1, 0] * (0.3 * np.cos(2 * np.pi * places[:, :1] / 3))
+    arms = places - motion.pivot
+    share = (np.maximum(arms[:, 2], 0) / 1.5) ** 2 if isinstance(motion, Bend) else np.ones(len(places))
+    angles = math.radians(motion.amplitude) * share
+    x, y, z = arms.T
+    turned = np.stack([x * np.cos(angles) + z * np.sin(angles), y, z * np.cos(angles) - x * np.sin(angles)], axis=1)
+    return turned + motion.pivot
+
+
+@pytest.mark.parametrize("composition", ["frozen", "carried", "driven"])
+@pytest.mark.parametrize("kind", FORMULAS)
+def test_a_formula_has_moved_the_mesh_too_when_physics_begins(scene_of, file_of, kind, composition):
+    """Vertices are where it has them, and what was filled is what they enclose then."""
+    mesh, (formula, given) = ball(), FORMULAS[kind]
+    motion = formula(**AT_START, **given, composition=composition)
+    half = BoxShape(center=(0, -1, 1), half_extents=(3, 1, 3))
+    scene = scene_of(
+        splat_on(mesh, 2_000), reduction=Reduction(mode="mesh", mesh=file_of(mesh)), accuracy=COARSE,
+        position=(0.2, 0, 0), metres_per_unit=0.9, motion=motion,
+        parts=(Part(region=half, driven=True),) if composition == "driven" else (),
+    )  # fmt: skip
+    (placed,) = place_scene(dataclasses.replace(scene, objects=(unmoved(scene.objects[0]),))).objects
+    expected = begun(mesh_of(placed).vertices, motion)
+    assembly = prepare(scene).assembly
+    points = assembly.problem.points.reference_positions
+    np.testing.assert_allclose(points[: len(expected)], expected, atol=1e-12)
+    full = trimesh.Trimesh(expected, np.asarray(mesh_of(placed).faces))
+    volumes = assembly.problem.points.reference_volumes
+    # As of a ball that stands still; the middle is off by less than what is missing on one side.
+    assert abs(volumes.sum() / full.volume - 1) < 0.3 * 2 / 8
+    assert np.abs(volumes @ points / volumes.sum() - full.center_mass).max() < 0.3 * 2 / 8 * 0.9
+    # Each Gaussian is beside its face, but for how far a bent face is from a flat one.
+    carrier = assembly.bodies[0].carrier
+    assert isinstance(carrier, OnFaces)
+    assert np.abs(carrier.coefficients[:, 0, 2]).max() < (1e-6 if kind == "swing" else 0.05)
+
+
+def unmoved(item):
+    return dataclasses.replace(item, motion=None, parts=())
+
+
+def test_what_is_led_begins_where_psi_has_it_and_goes_on_from_there(scene_of, file_of):
+    """A swing is rigid, so that the points of the driven half are where it has them to the rounding of float32."""
+    from gasp_core.stepping.led_points import LedPoints
+
+    mesh = ball()
+    motion = Swing(**AT_START, **FORMULAS["swing"][1], composition="driven")
+    half = BoxShape(center=(0, -1, 1), half_extents=(3, 1, 3))
+    scene = scene_of(
+        splat_on(mesh), reduction=Reduction(mode="mesh", mesh=file_of(mesh)), accuracy=COARSE, motion=motion,
+        parts=(Part(region=half, driven=True),), duration=0.2,
+    )  # fmt: skip
+    assembly = prepare(scene).assembly
+    trajectories = trajectories_of(scene, assembly.leads, lambda frame, count: None)
+    led = LedPoints.of(dataclasses.replace(assembly.problem, trajectories=trajectories))
+    assert led is not None
+    vertices = led.rows < len(mesh.vertices)
+    now = dataclasses.replace(motion, amplitude=40 * math.cos(2 * np.pi * 0.2))
+    rest = welded(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces))[0][led.rows[vertices]]
+    assert vertices.sum() > 100
+    np.testing.assert_allclose(led.positions(0.2)[vertices], begun(rest, now), atol=1e-6)
+
+
+def test_a_motion_without_a_formula_is_refused_where_it_has_left_its_mesh(scene_of, file_of, tmp_path):
+    mesh = ball()
+    splat, choice = splat_on(mesh), Reduction(mode="mesh", mesh=file_of(mesh))
+    (tmp_path / "frames").mkdir()
+    for number in range(3):
+        shifted = splat.with_(means=(splat.means + [0.1 * number, 0, 0]).astype("f4"))
+        write_splat(tmp_path / "frames" / f"{number}.ply", shifted)
+    frames = {"splat": tmp_path / "frames", "up": "+z", "height": 0.5, "position": (3, 2, 1), "rotation": (0, 0, 30)}
+    for given, motion, moves in [
+        ({"splat": splat}, PythonMotion(function=moving), {"start": 0.5}),
+        (frames, FrameSequence(frame_rate=10), {"schedule": ((0, 0.1), (1, 0.2))}),
+    ]:
+        scene = scene_of(**given, reduction=choice, accuracy=COARSE, motion=motion)
+        prepare(scene)
+        gone = dataclasses.replace(motion, **moves)
+        with pytest.raises(SceneError, match=rf'kind "{motion.kind}" starts up to 0\..* m from where its file has it'):
+            prepare(dataclasses.replace(scene, objects=(dataclasses.replace(scene.objects[0], motion=gone),)))
 
 
 def test_velocities_of_psi_reach_vertices_and_inside(scene_of, file_of):
