@@ -38,8 +38,8 @@ Array = NDArray[Any]
 
 _LOG = logging.getLogger(__name__)
 
-_PLACED = ("splat", "up", "height", "metres_per_unit", "position", "rotation")
-"""By which an object and a splat that is a collider are one thing."""
+_PLACED = ("up", "height", "metres_per_unit", "position", "rotation")
+"""By which an object and a collider of one splat are one thing."""
 
 
 class Moving(Protocol):
@@ -335,17 +335,22 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
 
 def _drawable(scene: Scene) -> tuple[Collider, ...]:
     """The colliders of a scene, without splats that are objects too, and those whose file is gone, which is said."""
-    seen = [tuple(getattr(item, name) for name in _PLACED) for item in scene.objects]
+    # One thing only as long as both stay where they are.
+    seen = [(item.splat, *_placed(item)) for item in scene.objects if item.static]
     found: list[Collider] = []
     for number, one in enumerate(scene.colliders, start=1):
-        shape = one.shape
-        if isinstance(shape, SplatShape) and (shape.file, *(getattr(shape, name) for name in _PLACED[1:])) in seen:
+        shape, stands = one.shape, one.motion is None
+        if stands and isinstance(shape, SplatShape) and (shape.file, *_placed(shape)) in seen:
             continue
         try:
             found.append(resolved(one))
         except (GaspError, OSError) as error:
             _LOG.warning("collider %d is not drawn: %s", number, error)
     return tuple(found)
+
+
+def _placed(one: SplatObject | SplatShape) -> tuple[Any, ...]:
+    return tuple(getattr(one, name) for name in _PLACED)
 
 
 def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) -> Array:

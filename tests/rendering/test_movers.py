@@ -6,16 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
+from splat_shells import SHAPES as SPLATS
+from splat_shells import shell
 
-from gasp_core import Recording
+from gasp_core import Elastic, Recording, SplatObject, write_splat
 from gasp_core.contract import BoxShape, Collider, HalfSpace, KeyframedMotion, SignedDistanceField, SphereShape
 from gasp_core.render_input import RenderInput
-from gasp_core.rendering.footage import RecordedFootage
+from gasp_core.rendering.footage import RecordedFootage, SceneFootage
 from gasp_core.rendering.forecast import Forecast
 from gasp_core.rendering.framing import frame_motion, motion_of
 from gasp_core.rendering.movers import Movers
+from gasp_core.scene.file_shapes import SplatShape
 
 COMING = KeyframedMotion(times=(0.0, 0.4), places=((-3, 0, 0), (-1, 0, 0)), center=(0, 0, 0))
+SOFT = Elastic(density=300, youngs_modulus=1e4, poissons_ratio=0.3)
 BALL = SphereShape(center=(0, 0, 0), radius=0.2)
 SHAPES = {
     "box": BoxShape(center=(0, 0, 0), half_extents=(0.1, 0.2, 0.3)),
@@ -61,3 +65,22 @@ def test_they_are_measured_and_not_drawn(scene_of, run, tmp_path):
             seen, depths = camera.project(footage.movers.at(frame / 25))
             assert (depths > 0).all()
             assert ((seen >= 0) & (seen <= [300, 200])).all()
+
+
+def test_a_splat_that_is_an_object_too_is_drawn_once_and_twice_where_one_of_them_goes_elsewhere(scene_of, tmp_path):
+    file = tmp_path / "ball.ply"
+    write_splat(file, shell(SPLATS["sphere"], count=3_000))
+    placed = {"up": "+z", "height": 0.5, "position": (1.0, 2.0, 3.0)}
+    shape = SplatShape(file=file, **placed)
+    standing = SplatObject(name="statue", splat=file, static=True, **placed)
+    falling = dataclasses.replace(standing, static=False, material=SOFT)
+
+    def drawn(collider, item):
+        scene = scene_of()
+        scene = dataclasses.replace(scene, objects=(*scene.objects, item), colliders=(collider,))
+        return len(SceneFootage(scene, tmp_path / "a.toml").colliders)
+
+    assert drawn(Collider(shape=shape), standing) == 0
+    assert drawn(Collider(shape=dataclasses.replace(shape, height=0.6)), standing) == 1
+    assert drawn(Collider(shape=shape, motion=COMING), standing) == 1
+    assert drawn(Collider(shape=shape), falling) == 1
