@@ -17,7 +17,7 @@ from gasp_core.rendering.framing import Motion, frame_motion
 from gasp_core.scene.loading import load_camera
 from gasp_core.scene.settings import VIEWS, CameraChoice
 
-__all__ = ["cameras_for", "read_choice"]
+__all__ = ["cameras_for", "read_choice", "told_cameras"]
 
 _FAR = 5.0
 """Times its own size that something has to go for the camera to go with it."""
@@ -85,15 +85,9 @@ def cameras_for(
         Where a camera file is in the frame of an object that is not there.
     """
     choice = choice or footage.camera or CameraChoice()
-    if choice.file is not None:
-        found = choose(read_cameras(choice.file), choice.view, choice.file)
-        return [placed(found.resized(width, height), footage.placement(choice.object))] * len(numbers)
-    if choice.position is not None and choice.target is not None:
-        eyes, targets = np.array([choice.position]), np.array([choice.target])
-        return _standing(choice, eyes, targets, width, height) * len(numbers)
-    if choice.path:
-        times = np.array([number / footage.frame_rate for number in numbers])
-        return _standing(choice, *_along(choice, times), width, height)
+    told = told_cameras(footage, choice, numbers, width, height)
+    if told is not None:
+        return told
     around, above = choice.direction
     follow = choice.follow
     if follow is None:
@@ -112,6 +106,28 @@ def cameras_for(
         above=above,
         smoothed=_SMOOTHED * footage.frame_rate if follow else None,
     )
+
+
+def told_cameras(
+    footage: Footage, choice: CameraChoice, numbers: Sequence[int], width: int, height: int
+) -> list[Camera] | None:
+    """Cameras for as many pictures where a choice says their places, whatever is in them; None where it names a view.
+
+    Raises
+    ------
+    RenderingError, RecordingError
+        As of `cameras_for`.
+    """
+    if choice.file is not None:
+        found = choose(read_cameras(choice.file), choice.view, choice.file)
+        return [placed(found.resized(width, height), footage.placement(choice.object))] * len(numbers)
+    if choice.position is not None and choice.target is not None:
+        eyes, targets = np.array([choice.position]), np.array([choice.target])
+        return _standing(choice, eyes, targets, width, height) * len(numbers)
+    if choice.path:
+        times = np.array([number / footage.frame_rate for number in numbers])
+        return _standing(choice, *_along(choice, times), width, height)
+    return None
 
 
 def _standing(choice: CameraChoice, eyes: np.ndarray, targets: np.ndarray, width: int, height: int) -> list[Camera]:
