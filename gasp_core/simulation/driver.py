@@ -40,7 +40,7 @@ from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene, engine_notes
 from gasp_core.scene.named_code import code_of, refuse_untrusted, without_code
 from gasp_core.simulation.engine_choice import ChosenEngine, choose_engine
-from gasp_core.simulation.loop import FrameLoop, drift_is_recorded
+from gasp_core.simulation.loop import FrameLoop, drift_is_recorded, ending
 from gasp_core.simulation.recording_header import header_of
 from gasp_core.simulation.splat_sources import Prepared, prepare
 from gasp_core.simulation.stiff_matter import refuse_too_stiff
@@ -190,29 +190,30 @@ def simulate_part(
         header = header_of(scene, whole, path, prepared, chosen, options, on_engine)
         for note in header.notes:
             shown.say(note)
-        if found is not None:
-            refuse_other(found, header, chosen.descriptor, options)
-        # psi is asked for every frame: not where none is left to do.
-        if prepared.assembly.leads and (found is None or found.frame_count < end):
-            prepared = _with_trajectories(scene, prepared, shown)
-        if found is not None:
-            writer, last, restart = RecordingWriter.resume(found, wanted)
-            if writer.note:
-                shown.say(writer.note)
+        writer, last, restart = None, -1, {}
+        try:
+            if found is not None:
+                refuse_other(found, header, chosen.descriptor, options)
+                writer, last, restart = RecordingWriter.resume(found, wanted)
+                if writer.note:
+                    shown.say(writer.note)
+            # psi is asked for every frame: not where none is left to do. How many are left is known by now: those that
+            # are damaged, and those after the last checkpoint, have been taken back.
+            if prepared.assembly.leads and last + 1 < end:
+                with nullcontext() if writer is None else ending(writer):
+                    prepared = _with_trajectories(scene, prepared, shown)
             opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
-        else:
-            # Opened before anything is written: what the engine refuses leaves nothing behind.
-            opening = partial(_opened, scene, prepared.assembly, chosen, options, {})
-            shown.enter(f"starting {chosen.descriptor.name}")
-            begun = opening() if end > 1 else nullcontext()
-            writer, last = None, -1
-        with begun as session:
-            writer = writer or _created(path, scene, prepared, header, overwrite)
-            try:
+            if writer is None:
+                # Opened before anything is written: what the engine refuses leaves nothing behind.
+                shown.enter(f"starting {chosen.descriptor.name}")
+                begun = opening() if end > 1 else nullcontext()
+            with begun as session:
+                writer = writer or _created(path, scene, prepared, header, overwrite)
                 run = FrameLoop(scene, prepared.assembly, chosen, writer, shown, recorded or (lambda frame: None))
                 run.go(last, (lambda: session) if session is not None else opening, end)
-            finally:
+        finally:
+            if writer is not None:
                 writer.close()
     return Recording.open(path)
 

@@ -35,7 +35,7 @@ from gasp_core.scene.settings import MapChoice, RecordingChoice
 from gasp_core.simulation.engine_choice import ChosenEngine
 from gasp_core.simulation.monitor import FASTER_THAN_SOUND, Watch, inspect, outrun_sound, watch_over
 
-__all__ = ["FrameLoop", "drift_is_recorded"]
+__all__ = ["FrameLoop", "drift_is_recorded", "ending"]
 
 Array = NDArray[Any]
 
@@ -83,7 +83,7 @@ class FrameLoop:
         end
             One beyond the last frame asked for.
         """
-        try:
+        with ending(self._writer):
             if last < 0:
                 self._write_start()
                 self._recorded(0)
@@ -92,24 +92,14 @@ class FrameLoop:
                 self._recall(last)
             self._checkpoint_frame = last or -1
             stopped = self._advance(last, opening, end) if last + 1 < end else ""
-        except EngineCrashedError as error:
-            kept = EngineCrashedError(f"{error}; the frames so far are kept in {self._writer.path}", self._writer.path)
-            self._end("incomplete", str(kept))
-            raise kept from error
-        except GaspError as error:
-            self._end("incomplete", str(error))
-            raise
-        except BaseException as error:
-            reason = " ".join(str(error).split())
-            self._end("incomplete", f"stopped by {type(error).__name__}{': ' if reason else ''}{reason}")
-            raise
         if stopped:
-            self._end("incomplete", stopped)
+            _end(self._writer, "incomplete", stopped)
             self._shown.say(stopped)
         elif end < self._scene.frame_count:
-            self._end("incomplete", f"stopped after {max(end, last + 1)} of {self._scene.frame_count} frames, as asked")
+            kept = max(end, last + 1)
+            _end(self._writer, "incomplete", f"stopped after {kept} of {self._scene.frame_count} frames, as asked")
         else:
-            self._end("complete", "")
+            _end(self._writer, "complete", "")
 
     def _advance(self, last: int, opening: Callable[[], EngineSession], end: int) -> str:
         """Run the engine; why it stopped early, or nothing."""
@@ -297,13 +287,32 @@ class FrameLoop:
             self._writer.path,
         )
 
-    def _end(self, state: str, reason: str) -> None:
-        # The disk may be what failed: the first error is the one to tell.
-        try:
-            self._writer.finish(state, reason)
-        except OSError:
-            if state == "complete":
-                raise
+
+@contextmanager
+def ending(writer: RecordingWriter) -> Generator[None]:
+    """What stops a run, whatever that is, stands in the status of its recording, and is raised on."""
+    try:
+        yield
+    except EngineCrashedError as error:
+        kept = EngineCrashedError(f"{error}; the frames so far are kept in {writer.path}", writer.path)
+        _end(writer, "incomplete", str(kept))
+        raise kept from error
+    except GaspError as error:
+        _end(writer, "incomplete", str(error))
+        raise
+    except BaseException as error:
+        reason = " ".join(str(error).split())
+        _end(writer, "incomplete", f"stopped by {type(error).__name__}{': ' if reason else ''}{reason}")
+        raise
+
+
+def _end(writer: RecordingWriter, state: str, reason: str) -> None:
+    # The disk may be what failed: the first error is the one to tell.
+    try:
+        writer.finish(state, reason)
+    except OSError:
+        if state == "complete":
+            raise
 
 
 @contextmanager

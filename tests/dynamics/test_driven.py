@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 
 import flying_points
 import numpy as np
@@ -250,6 +251,70 @@ def test_a_run_goes_on_to_the_bit_and_may_be_made_longer(scene_of, cloud, tmp_pa
     assert parts.frame_count == whole.frame_count == 7
     for frame in range(7):
         assert np.array_equal(parts.simplices(frame)["thing"], whole.simplices(frame)["thing"]), frame
+
+
+def resumed_of(scene, path, **choice):
+    return simulate(scene, "reference-mpm", path, resume=True, progress=False, **choice)
+
+
+@pytest.fixture
+def swinging(scene_of, cloud, tmp_path):
+    """The scene of a duration, driven, and all seven frames of the longer one, which never stopped."""
+    choice = {"gravity": (0, 0, -9.81), "accuracy": COARSE, "recording": RecordingChoice(checkpoint_frames=1)}
+    splat, motion = cloud(60), dataclasses.replace(SWING, rate=0.5)
+
+    def scene(duration):
+        return scene_of(splat, motion=motion, parts=(LEFT,), duration=duration, frame_rate=RATE, **choice)
+
+    return scene, simulate(scene(0.24), "reference-mpm", tmp_path / "whole.gasp", progress=False)
+
+
+def same_frames(found, whole, count):
+    assert found.frame_count == count
+    for frame in range(count):
+        assert np.array_equal(found.simplices(frame)["thing"], whole.simplices(frame)["thing"]), frame
+
+
+def test_frames_that_are_damaged_are_made_again_with_what_drives_them(swinging, tmp_path):
+    """All are there, and yet something is left to do."""
+    scene, whole = swinging
+    path = shutil.copytree(whole.path, tmp_path / "damaged.gasp")
+    next(path.glob("frames/displacements/c.5.*")).write_bytes(b"torn")
+    again = resumed_of(scene(0.24), path)
+    assert again.status == "complete"
+    same_frames(again, whole, 7)
+
+
+def test_frames_without_a_checkpoint_are_made_again_with_what_drives_them(swinging, tmp_path):
+    """More are there than are asked for, and of a run that is to be longer none but the first can be kept."""
+    scene, whole = swinging
+    path = tmp_path / "parts.gasp"
+    assert resumed_of(scene(0.16), path).frame_count == 5
+    for checkpoint in (path / "checkpoints").iterdir():
+        if checkpoint.is_dir():
+            shutil.rmtree(checkpoint)
+    same_frames(resumed_of(scene(0.24), path, frames=4), whole, 4)
+    same_frames(resumed_of(scene(0.24), path), whole, 7)
+
+
+def test_where_psi_fails_on_the_way_back_in_that_is_told_and_nothing_stays_locked(scene_of, cloud, tmp_path):
+    path, splat, failing = tmp_path / "run.gasp", cloud(60), []
+
+    def psi(points, s):
+        if failing and s > 0.1:
+            raise RuntimeError("out of breath")
+        return flow(points, s)
+
+    motion = PythonMotion(function=psi, composition="driven")
+    scene = scene_of(splat, motion=motion, parts=(LEFT,), duration=0.16, frame_rate=RATE, accuracy=COARSE)
+    assert resumed_of(scene, path, frames=3).frame_count == 3
+    failing.append(True)
+    with pytest.raises(SceneError, match="out of breath"):
+        resumed_of(scene, path)
+    stopped = Recording.open(path)
+    assert stopped.status == "incomplete" and "out of breath" in stopped.reason
+    failing.clear()
+    assert resumed_of(scene, path).status == "complete"
 
 
 @pytest.mark.parametrize("place", ["region", "labels"])
