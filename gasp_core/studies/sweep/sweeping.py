@@ -15,6 +15,8 @@ from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import Shown, counting
+from gasp_core.recording import Recording
+from gasp_core.recording.content import content_digest
 from gasp_core.recording.writer import refuse_existing
 from gasp_core.scene.file_digests import file_digest
 from gasp_core.scene.files import files_of
@@ -173,13 +175,15 @@ def sweep(
     Raises
     ------
     RecordingError
-        Where `out` holds something else, or rows of the same settings and another scene; where another sweep is at work
-        there, or it cannot be written.
+        Where `out` holds something else, or rows of the same settings and another scene or reference; where another
+        sweep is at work there, or it cannot be written; where the reference cannot be read.
     BackendError
         Where there is nobody who could make them.
     """
     measures = measures or Measures()
-    plan = [replace(each, digest=_measured(each.digest, measures)) for each in plan]
+    # Of the reference as it is now: rows that were measured against another one of that name are none of these.
+    reference = "" if measures.reference is None else content_digest(Recording.open(measures.reference))
+    plan = [replace(each, digest=_measured(each.digest, measures, reference)) for each in plan]
     with alone_in(out):
         ledger = _ledger(out, plan, overwrite)
         known = {_key(row.setting): row for row in ledger.rows}
@@ -279,19 +283,18 @@ def _ledger(out: Path, plan: Sequence[Planned], overwrite: bool) -> Ledger:
     others = [row for row in ledger.rows if row.status in DONE and is_of_another(row)]
     if others:
         raise RecordingError(
-            f"{path}: {len(others)} of its rows are of another scene, or of files or measures that have changed since,"
-            f" the first that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another --out, or make"
-            " all of them anew with --overwrite"
+            f"{path}: {len(others)} of its rows are of another scene, or of files, measures or a reference that have"
+            f" changed since, the first that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another"
+            " --out, or make all of them anew with --overwrite"
         )
     return ledger
 
 
-def _measured(digest: str, measures: Measures) -> str:
+def _measured(digest: str, measures: Measures, reference: str) -> str:
     """Of a scene and of what is asked of its run; as it is, where nothing is that not all are asked for."""
     if not digest or measures == Measures():
         return digest
     asked = [(own.name, own.text) for own in measures.observables]
-    reference = "" if measures.reference is None else str(measures.reference)
     return hashlib.sha256(json.dumps([digest, asked, reference]).encode()).hexdigest()
 
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -147,7 +148,7 @@ def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_pa
     observable, _ = measured
     out = tmp_path / "out"
     sweep(planned(scene, settings_of(["engine.options.spin=1"])), out, progress=False)
-    with pytest.raises(RecordingError, match="measures that have changed"):
+    with pytest.raises(RecordingError, match="measures or a reference that have changed"):
         sweep(
             planned(scene, settings_of(["engine.options.spin=1"])),
             out,
@@ -163,6 +164,34 @@ def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_pa
     there = [missing[0], dataclasses.replace(missing[1], scene=missing[0].scene, digest="1", reason="")]
     again = sweep(there, later, progress=False)
     assert [row.status for row in again.rows] == ["complete", "complete"] and again.kept == 1
+
+
+def test_another_reference_of_the_same_name_is_noticed(scene, tmp_path):
+    """And the same one is the same at another place, or with another camera."""
+    reference, out = tmp_path / "reference.gasp", tmp_path / "out"
+    measures, plan = Measures(reference=reference), planned(scene, settings_of(["engine.options.spin=1"]))
+
+    def made(*changes):
+        simulate(load_scene(scene, changes), out=reference, overwrite=True, progress=False)
+
+    def swept(measures=measures, **how):
+        return sweep(plan, out, measures=measures, progress=False, **how)
+
+    made("engine.options.spin=1")
+    assert swept().rows[0].columns["rms_share"] == 0
+    elsewhere = Measures(reference=shutil.copytree(reference, tmp_path / "elsewhere.gasp"))
+    assert swept(elsewhere).kept == 1
+    made("engine.options.spin=1", "camera.view=top")
+    assert swept().kept == 1
+    for changes in (["engine.options.spin=2"], ["engine.options.spin=1", "scene.duration=0.08"]):
+        made(*changes)
+        with pytest.raises(RecordingError, match="a reference that have changed since"):
+            swept()
+    made("engine.options.spin=2")
+    assert swept(overwrite=True).rows[0].columns["rms_share"] > 0.01
+    (reference / "commits" / "00000001" / "zarr.json").write_bytes(b"torn")
+    with pytest.raises(RecordingError, match="commits/00000001/zarr.json is damaged"):
+        swept()
 
 
 def test_an_earlier_table_stays_where_nobody_can_make_another(scene, tmp_path, monkeypatch):
