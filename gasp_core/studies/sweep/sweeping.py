@@ -147,7 +147,7 @@ def sweep(
     """Make a run of each setting, in a process of its own, and a table of what came of them.
 
     Rows are on the disk as soon as they are there: the same call goes on with those that are missing. What completed,
-    diverged or was refused stays; all else is tried again.
+    diverged or was refused stays, but for one whose recording is to be kept and is not; all else is tried again.
 
     Parameters
     ----------
@@ -193,6 +193,7 @@ def sweep(
             if (row := known.get(_key(each.setting)))
             and row.status in DONE
             and (row.status == REFUSED) == (each.scene is None)
+            and _is_kept(out, row, keep=keep, address=_address(keep_at, _key(each.setting), each.digest))
         }
         waiting = {
             _key(each.setting): each for each in plan if each.scene is not None and _key(each.setting) not in kept
@@ -205,16 +206,18 @@ def sweep(
                 trust_code=trust_code,
                 measure=measures,
                 keep=keep,
-                address=_address(keep_at, key, each.digest) if keep_at else "",
+                address=_address(keep_at, key, each.digest),
             )
             for key, each in waiting.items()
             if each.scene is not None
         ]
-        old = list((out / RUNS).glob("*.gasp")) if overwrite else [run.out for run in runs]
+        # A run that is kept at an address needs no room here, where it may have been kept before.
+        old = list((out / RUNS).glob("*.gasp")) if overwrite else [run.out for run in runs if not run.address]
         for path in old:
             # What is somebody else's is found before anything is removed.
             refuse_existing(path, overwrite=True)
         table = _Table(out, plan, known)
+        told: set[str] = set()
         with counting(progress, "runs", len(runs)) as counted:
 
             def begun() -> None:
@@ -228,6 +231,7 @@ def sweep(
 
             def finished(outcome: Outcome) -> None:
                 each = waiting[outcome.key]
+                told.add(outcome.key)
                 recording = f"{RUNS}/{outcome.key}.gasp" if outcome.recording is not None else ""
                 if keep_at and outcome.frame_count:
                     recording = _address(keep_at, outcome.key, each.digest)
@@ -239,7 +243,7 @@ def sweep(
                 outcomes = carry_out(runs, backend=backend, limits=limits, begun=begun, finished=finished)
                 for outcome in outcomes:
                     # Whoever watched over it is gone: nobody has told of it.
-                    if known.get(outcome.key) is None or known[outcome.key].scene != waiting[outcome.key].digest:
+                    if outcome.key not in told:
                         finished(outcome)
             finally:
                 parquet = table.write(0.0, parquet=True)
@@ -298,9 +302,21 @@ def _measured(digest: str, measures: Measures, reference: str) -> str:
     return hashlib.sha256(json.dumps([digest, asked, reference]).encode()).hexdigest()
 
 
+def _is_kept(out: Path, row: Row, *, keep: bool, address: str) -> bool:
+    """Whether the recording of a row that is there is where it is to be kept, if it is; without a frame there is none.
+
+    Whether it still is at an address, the row is believed: whoever asks need not be one who may look there.
+    """
+    if not row.columns.get("frames"):
+        return True
+    if address:
+        return row.columns.get("recording") == address
+    return not keep or (_recording(out, _key(row.setting)) / "zarr.json").is_file()
+
+
 def _address(folder: str, key: str, digest: str) -> str:
-    """Of a recording: sweeps of other scenes may lie beside it."""
-    return f"{folder}/{key}-{digest[:12]}.gasp"
+    """Of a recording, if it is kept at one: sweeps of other scenes may lie beside it."""
+    return f"{folder}/{key}-{digest[:12]}.gasp" if folder else ""
 
 
 def _clear(recording: Path) -> None:

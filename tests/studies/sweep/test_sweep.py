@@ -190,7 +190,7 @@ def test_another_reference_of_the_same_name_is_noticed(scene, tmp_path):
     made("engine.options.spin=2")
     assert swept(overwrite=True).rows[0].columns["rms_share"] > 0.01
     (reference / "commits" / "00000001" / "zarr.json").write_bytes(b"torn")
-    with pytest.raises(RecordingError, match="commits/00000001/zarr.json is damaged"):
+    with pytest.raises(RecordingError, match=r"commits/00000001/zarr\.json is damaged"):
         swept()
 
 
@@ -234,6 +234,33 @@ def test_recordings_that_are_kept(scene, tmp_path):
     found = sweep(plan, tmp_path / "out", keep=True, progress=False)
     recording = Recording.open(tmp_path / "out" / found.rows[0].columns["recording"])
     assert recording.status == "complete" and recording.frame_count == 5
+
+
+def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept(scene, tmp_path):
+    """What has no frame, or no scene, has none; where nobody asks for recordings those that are there stay."""
+    from gasp_core import Recording
+
+    out = tmp_path / "out"
+    settings = [*settings_of(["engine.options.spin=1,2"]), *settings_of(['engine.options.fault="nan"'])]
+    plan = planned(scene, [*settings, *settings_of(["object.toy.height=-1"])])
+    before = sweep(plan, out, progress=False)
+    assert [row.status for row in before.rows] == ["complete", "complete", "diverged", "refused"]
+    found = sweep(plan, out, keep=True, progress=False)
+    assert found.kept == 1 and [row.status for row in found.rows] == [row.status for row in before.rows]
+    for row in found.rows[:3]:
+        assert Recording.open(out / row.columns["recording"]).frame_count == row.columns["frames"] > 0
+    again = sweep(plan, out, keep=True, progress=False)
+    assert again.kept == 4 and again.rows == found.rows
+    shutil.rmtree(out / found.rows[1].columns["recording"])
+    assert sweep(plan, out, progress=False).kept == 4
+    mended = sweep(plan, out, keep=True, progress=False)
+    assert mended.kept == 3 and mended.rows[0] == found.rows[0]
+    assert Recording.open(out / mended.rows[1].columns["recording"]).status == "complete"
+    with object_store() as bucket:
+        moved = sweep(plan[:1], out, keep_at=f"{bucket}/sweep", progress=False)
+        assert moved.kept == 0 and Recording.open(moved.rows[0].columns["recording"]).status == "complete"
+        assert sweep(plan[:1], out, keep_at=f"{bucket}/sweep", progress=False).kept == 1
+    assert Recording.open(out / found.rows[0].columns["recording"]).status == "complete"
 
 
 @pytest.mark.thorough
