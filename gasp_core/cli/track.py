@@ -21,6 +21,7 @@ _FORMATS = [name for name in SUFFIXES if name not in ("glb", "usd")]
 _LOST = 0.05
 """Share of a frame in which nothing is tracked, from which on that is warned of."""
 _SHOWN = 20
+_COMPRESSED = ".compressed.ply"
 
 
 @click.command(
@@ -75,7 +76,7 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
 
     files = frame_files(folder)
     target = folder.resolve().with_name(f"{folder.resolve().name}_tracked") if out is None else out
-    names = [f"{Path(file.name.removesuffix('.compressed.ply')).stem}{SUFFIXES[suffix]}" for file in files]
+    names = _names(files, SUFFIXES[suffix])
     _refuse_target(target, folder, names, overwrite)
     first = read_splat(files[0])
     tracker = Tracker(first, nodes=nodes)
@@ -101,6 +102,18 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
         return
     _print_for_people(found)
     click.echo(f"\n{_shown(target)}: {len(names)} files of {len(first):,} Gaussians")
+
+
+def _names(files: list[Path], suffix: str) -> list[str]:
+    """Of what is written, each another one."""
+    found: dict[str, Path] = {}
+    for file in files:
+        ending = _COMPRESSED if file.name.lower().endswith(_COMPRESSED) else file.suffix
+        name = f"{file.name[: len(file.name) - len(ending)]}{suffix}"
+        if name in found:
+            raise click.UsageError(f"{file}: would be written as {name}, as {found[name].name} is: rename one of them")
+        found[name] = file
+    return [*found]
 
 
 def _refuse_target(target: Path, folder: Path, names: list[str], overwrite: bool) -> None:

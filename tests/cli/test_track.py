@@ -57,6 +57,22 @@ def test_numbers_and_another_format(flipbook, capsys):
     assert len(read_splat("out/f2.splat")) == said["gaussians"] == 2000
 
 
+def test_numbers_between_points_tell_frames_apart(flipbook, tmp_path, capsys):
+    for k in range(4):
+        (tmp_path / "book" / f"f{k}.ply").rename(tmp_path / "book" / f"shot.{k:04d}.compressed.ply")
+    assert main(["track", "book", "--nodes", "20"]) == 0
+    names = [f"shot.{k:04d}.ply" for k in range(4)]
+    assert sorted(file.name for file in (tmp_path / "book_tracked").iterdir()) == names
+
+
+def test_frames_that_would_have_one_name_are_refused_before_anything_is_tracked(flipbook, tmp_path, capsys):
+    (tmp_path / "book" / "f1.PLY").write_bytes(b"never read")
+    assert main(["track", "book"]) == 2
+    said = capsys.readouterr().err
+    assert "would be written as f1.ply, as f1." in said and "rename one of them" in said
+    assert not (tmp_path / "book_tracked").exists()
+
+
 def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
     frame = read_splat("book/f3.ply")
     write_splat(tmp_path / "book" / "f3.ply", frame.with_(means=frame.means + [9.0, 0, 0] * (frame.means[:, :1] > 0)))
