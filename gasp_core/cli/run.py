@@ -149,6 +149,9 @@ def run(
     for path in films:
         command += ["--render", str(path)]
     loaded = settings.load(scene)
+    # What was filmed of it so far is part of a run that goes on. What a preview makes where nobody has said where is
+    # made anew.
+    named_films, replaced = films, overwrite or resume
     if preview:
         loaded, folder, overwrite = previewed(loaded), Path(scene.stem + ".preview.gasp"), True
         films, size = films or (Path(scene.stem + ".preview.mp4"),), _PREVIEW_SIZE
@@ -160,8 +163,7 @@ def run(
         else:
             print_estimate(found, loaded, filmed=bool(films))
         return
-    # What was filmed of it so far is part of a run that goes on.
-    keep_what_is_there(films, overwrite or resume, "--render")
+    keep_what_is_there(named_films, replaced, "--render")
     from gasp_core.recording.addresses import address_of, made_here
 
     address = address_of(folder)

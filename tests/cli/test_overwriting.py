@@ -24,6 +24,7 @@ CASES = [
         id="run",
         marks=needs_renderer,
     ),
+    pytest.param(["run", "scene.toml", "--preview", "--render"], "theirs.png", id="preview", marks=needs_renderer),
 ]
 
 
