@@ -104,6 +104,7 @@ def check_status(state: Mapping[str, Any]) -> None:
     _expect(isinstance(state.get("reason"), str), "it has no reason")
     wanted: Any = state.get("frames_wanted")
     _expect(_count(wanted) and wanted < _MOST_FRAMES, "it wants no number of frames")
+    _expect(_text(state.get("scene", "")), "its scene is no text")
 
 
 def commit_of(attributes: Mapping[str, Any], frame: int, header: Header) -> Commit:

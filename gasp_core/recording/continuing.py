@@ -19,8 +19,10 @@ _LONGEST = 60
 _ADVICE = "run it anew, or under another name"
 
 
-def refuse_other(found: Recording, wanted: Header, descriptor: EngineDescriptor, options: Any) -> None:
-    """Refuse to go on with a recording of another scene, engine or set of points.
+def refuse_other(
+    found: Recording, wanted: Header, descriptor: EngineDescriptor, options: Any, *, velocities: bool
+) -> None:
+    """Refuse to go on with a recording of another scene, engine or set of points, or one of less.
 
     Parameters
     ----------
@@ -30,11 +32,14 @@ def refuse_other(found: Recording, wanted: Header, descriptor: EngineDescriptor,
         The header that a new run would begin with.
     descriptor, options
         The engine that would go on, and its options.
+    velocities
+        Whether frames are to have these too.
 
     Raises
     ------
     RecordingError
-        Where something that decides the frames is not what it was; the message says what.
+        Where something that decides the frames is not what it was, or its frames lack what is asked for; the message
+        says what.
     """
     path, header = found.path, found.header
     if header.scene_digest != wanted.scene_digest:
@@ -48,6 +53,12 @@ def refuse_other(found: Recording, wanted: Header, descriptor: EngineDescriptor,
         raise RecordingError(
             f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
             f" ({header.gasp_version}), on this processor at least: {_ADVICE}"
+        )
+    if velocities and not found.has_velocities:
+        # All frames have them or none.
+        raise RecordingError(
+            f"{path}: was begun without velocities, and frames cannot have them from the middle on: leave"
+            f" velocities = true of [recording] out, or {_ADVICE}"
         )
 
 

@@ -14,7 +14,8 @@ from gasp_core.errors import RecordingError
 from gasp_core.recording.arrays import ArrayNode, array_node, encoded, pieces
 from gasp_core.recording.files import checksum
 from gasp_core.recording.layout import Header
-from gasp_core.recording.nodes import group, is_readable, sealed, write_attributes
+from gasp_core.recording.nodes import group, is_readable, sealed
+from gasp_core.recording.status import RecordedStatus, write_status
 
 __all__ = ["create_store"]
 
@@ -68,7 +69,7 @@ def create_store(
         (folder / "frames" / name).mkdir(parents=True, exist_ok=True)
         # Sealed, and not among the files: a run that is made longer has to change it.
         (folder / "frames" / name / "zarr.json").write_bytes(sealed(array_node(node)))
-    write_attributes(folder / "status", {"state": "running", "reason": "", "frames_wanted": frames_wanted})
+    write_status(folder, RecordedStatus(state="running", reason="", frames_wanted=frames_wanted))
     begun = dataclasses.replace(header, files=files)
     content = sealed(group(begun.attributes()))
     if not is_readable(content):

@@ -15,7 +15,7 @@ A recording is a folder, a Zarr (version 3) hierarchy throughout:
 | ``bodies/<i>/unmoved`` | (N, V, 3) float64, instead, what the formula in the scene is applied to [m] |
 | ``commits/<frame>`` | attributes: the `Commit`, and what its chunks are. A frame exists once this does |
 | ``checkpoints/<frame>`` | the engine's state, bytes of an ``.npz``, and their check as an attribute; at most two |
-| ``status`` | attributes: state, reason, frames wanted |
+| ``status`` | attributes: state, reason, frames wanted; the scene as well, where it was gone on with and has changed |
 
 Header, commits, status and the metadata of checkpoints and of arrays of frames end with their own checksum. So every
 file is either checked by what commits it or by itself; `gasp_core.recording.files` says what a checksum is worth.
@@ -119,7 +119,7 @@ class Header:
     gasp_version
         That wrote it.
     scene
-        As TOML; no frame needs it to be read.
+        As TOML, as the run was begun with; no frame needs it to be read.
     scene_digest
         SHA-256 of what decides the frames, `gasp_core.scene.digest`.
     points_digest

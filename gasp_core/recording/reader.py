@@ -16,15 +16,15 @@ from gasp_core.harmonics import turn_coefficients
 from gasp_core.notebooks import ShownInNotebooks
 from gasp_core.recording.addresses import local_copy
 from gasp_core.recording.arrays import chunk_key
-from gasp_core.recording.checks import check_carrier, check_status
+from gasp_core.recording.checks import check_carrier
 from gasp_core.recording.commits import Commits, numbered, too_many_lost
 from gasp_core.recording.drifting import driven_rows, formula_of, placement_of
 from gasp_core.recording.files import UnreadableError, short
 from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
 from gasp_core.recording.map_record import recorded_maps
-from gasp_core.recording.nodes import read_attributes
 from gasp_core.recording.opening import read_header
+from gasp_core.recording.status import RecordedStatus, read_status
 from gasp_core.recording.store import Store
 from gasp_core.reduction.all_vertices import block_of
 from gasp_core.reduction.bodies import Body, carried_simplices, matter_turns, moved_gaussians, moved_simplices, shapes
@@ -73,7 +73,7 @@ class Recording(ShownInNotebooks):
     @property
     def status(self) -> RecordingStatus:
         """ "running", "complete", or "incomplete": stopped, diverged, its process died, or frames of it are lost."""
-        state = self._state()["state"]
+        state = self._state().state
         if (state == "running" and not locked(self.path)) or self.lost:
             return "incomplete"
         return cast(RecordingStatus, state)
@@ -84,26 +84,17 @@ class Recording(ShownInNotebooks):
         state = self._state()
         if self.lost:
             return f"damaged: {numbered(self.lost)} lost; gasp verify says more"
-        if state["state"] == "running" and not locked(self.path):
+        if state.state == "running" and not locked(self.path):
             return "the process that wrote it ended without a word (killed, or the machine stopped)"
-        return str(state["reason"])
+        return state.reason
 
     @property
     def frames_wanted(self) -> int:
         """Number of frames once it is complete."""
-        return int(self._state()["frames_wanted"])
+        return self._state().frames_wanted
 
-    def _state(self) -> dict[str, Any]:
-        try:
-            state = read_attributes(self.path, "status/zarr.json", seal=bool(self.header.files))
-            check_status(state)
-        except FileNotFoundError:
-            raise RecordingError(
-                f"{self.path}: has lost its status (status/zarr.json); its frames can be read all the same"
-            ) from None
-        except ValueError as error:
-            raise RecordingError(f"{self.path}: status/zarr.json is damaged: {error}") from None
-        return state
+    def _state(self) -> RecordedStatus:
+        return read_status(self.path, seal=bool(self.header.files))
 
     @property
     def frame_count(self) -> int:
@@ -121,7 +112,7 @@ class Recording(ShownInNotebooks):
             state = self._state()
         except RecordingError:
             return found.lost
-        end = state["frames_wanted"] if state["state"] == "complete" else found.count
+        end = state.frames_wanted if state.state == "complete" else found.count
         if too_many_lost(end - found.count + len(found.lost), found.count - len(found.lost)):
             raise RecordingError(f"{self.path}: is damaged: {end:,} frames were finished, {found.count:,} are there")
         return (*found.lost, *range(found.count, end))
@@ -138,7 +129,7 @@ class Recording(ShownInNotebooks):
 
     @property
     def scene(self) -> Scene:
-        """The scene it was made from; splats built in memory stand there as ``memory:`` and a digest."""
+        """The scene it was made from, and last gone on with; splats built in memory are ``memory:`` and a digest."""
         return self._stored_scene[0]
 
     @property
@@ -150,7 +141,12 @@ class Recording(ShownInNotebooks):
     def _stored_scene(self) -> tuple[Scene, tuple[str, ...]]:
         # The folder that it lies in, and not one with a link to it.
         beside = self.path.resolve().parent
-        return read_stored_scene(self.header.scene, file=f"{self.path} (scene)", beside=beside)
+        try:
+            text = self._state().scene or self.header.scene
+        except RecordingError:
+            # Its frames can be read all the same, and so can what it was begun with.
+            text = self.header.scene
+        return read_stored_scene(text, file=f"{self.path} (scene)", beside=beside)
 
     @cached_property
     def _maps(self) -> MapChoice:
@@ -290,7 +286,9 @@ class Recording(ShownInNotebooks):
             Where they were not recorded.
         """
         if not self.has_velocities:
-            raise RecordingError(f"{self.path}: velocities were not recorded: say velocities = true under [recording]")
+            raise RecordingError(
+                f"{self.path}: velocities were not recorded: say velocities = true under [recording], and run it anew"
+            )
         return self._frame_array("velocities", self.commit(frame))
 
     def simplices(self, frame: int) -> dict[str, Array]:

@@ -25,6 +25,7 @@ from gasp_core.recording.layout import FILES, FORMAT, Commit, Header, commit_att
 from gasp_core.recording.lock import lock
 from gasp_core.recording.nodes import group, read_node, sealed, write_attributes
 from gasp_core.recording.reader import Recording
+from gasp_core.recording.status import RecordedStatus, write_status
 from gasp_core.recording.store import Store
 from gasp_core.recording.verifying import leading_frames, refuse_damaged
 
@@ -47,11 +48,13 @@ def split_displacements(displacements: Array, bodies: Sequence[slice]) -> tuple[
 class RecordingWriter:
     """The writing end of a recording; holds its lock until closed."""
 
-    def __init__(self, path: Path, header: Header, descriptor: int, frames_wanted: int) -> None:
+    def __init__(self, path: Path, header: Header, descriptor: int, frames_wanted: int, scene: str) -> None:
         self.path = path
         self.header = header
         self._descriptor: int | None = descriptor
         self._frames_wanted = frames_wanted
+        # The header is what it is: whoever reads it while it is gone on with relies on that.
+        self._scene = "" if scene == header.scene else scene
         self.note = ""
         """A sentence for the user, where damaged frames are computed again."""
         self._bodies = [slice(body.first, body.last) for body in header.bodies]
@@ -97,7 +100,7 @@ class RecordingWriter:
                     discard(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
-        return cls(path, header, _locked(path), frames_wanted)
+        return cls(path, header, _locked(path), frames_wanted, header.scene)
 
     @property
     def keeps_velocities(self) -> bool:
@@ -105,10 +108,11 @@ class RecordingWriter:
         return "velocities" in self._frames
 
     @classmethod
-    def resume(cls, found: Recording, frames_wanted: int) -> tuple[RecordingWriter, int, dict[str, Array]]:
+    def resume(cls, found: Recording, frames_wanted: int, scene: str) -> tuple[RecordingWriter, int, dict[str, Array]]:
         """Go on with a recording: the writer, the last frame that is kept, and the engine's state there.
 
-        Whether it may be gone on with, `gasp_core.recording.continuing.refuse_other` says.
+        Whether it may be gone on with, `gasp_core.recording.continuing.refuse_other` says. `scene` is what it is gone
+        on with, as TOML: duration and camera may be others than before.
 
         Frames after the last usable checkpoint are taken back, and so are those from the first damaged one on. With no
         checkpoint the state is empty and frame 0 is kept; -1 where there is not even that. Where all frames are there
@@ -124,7 +128,7 @@ class RecordingWriter:
         descriptor = _locked(path)
         try:
             refuse_damaged(found)
-            writer = cls(path, found.header, descriptor, frames_wanted)
+            writer = cls(path, found.header, descriptor, frames_wanted, scene)
             clear_left_over(".", path / "checkpoints")
             writer._mend_groups()
             count = leading_frames(found)
@@ -245,8 +249,8 @@ class RecordingWriter:
             self._descriptor = None
 
     def _write_status(self, state: str, reason: str) -> None:
-        attributes = {"state": state, "reason": reason, "frames_wanted": self._frames_wanted}
-        write_attributes(self.path / "status", attributes)
+        status = RecordedStatus(state=state, reason=reason, frames_wanted=self._frames_wanted, scene=self._scene)
+        write_status(self.path, status)
 
     def _write_chunk(self, key: str, content: bytes) -> FileCheck:
         """Write the chunk of a frame and flush it; no commit knows it yet."""

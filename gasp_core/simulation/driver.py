@@ -193,8 +193,8 @@ def simulate_part(
         writer, last, restart = None, -1, {}
         try:
             if found is not None:
-                refuse_other(found, header, chosen.descriptor, options)
-                writer, last, restart = RecordingWriter.resume(found, wanted)
+                refuse_other(found, header, chosen.descriptor, options, velocities=scene.recording.velocities)
+                writer, last, restart = RecordingWriter.resume(found, wanted, header.scene)
                 if writer.note:
                     shown.say(writer.note)
             # psi is asked for every frame: not where none is left to do. How many are left is known by now: those that

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import io
 import json
@@ -18,6 +19,7 @@ from gasp_core import EngineChoice, Gaussians, Recording
 from gasp_core.errors import RecordingError
 from gasp_core.recording.migrations import VERSION
 from gasp_core.recording.nodes import sealed
+from gasp_core.scene.settings import CameraChoice
 
 KEPT = Path(__file__).parents[1] / "recording_versions"
 FIELDS = ("means", "quaternions", "scales", "opacities", "harmonics")
@@ -137,6 +139,17 @@ def test_a_run_of_it_is_gone_on_with(kept, run, tmp_path, version):
             np.testing.assert_allclose(found[rows], expected[rows], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("version", [version for version in VERSIONS if version != OTHER_CORES])
+def test_one_that_is_gone_on_with_says_what_with(kept, run, version):
+    path, _ = kept(version)
+    digest = Recording.open(path).header.scene_digest
+    scene = dataclasses.replace(scenes.scene(version), duration=0.16, camera=CameraChoice(view="top"))
+    found = run(scene, path, resume=True)
+    assert (found.status, found.scene.duration, found.scene.camera) == ("complete", 0.16, scene.camera)
+    assert found.header.scene_digest == digest
+    assert run(scene, path, resume=True).status == "complete"
+
+
 def test_where_the_points_have_become_others_that_is_said(kept, run):
     """Since version 4 a core has the moments of its vertices: a run of before cannot go on with those of today."""
     path, _ = kept(OTHER_CORES)
@@ -185,8 +198,6 @@ def test_a_key_that_has_gone_from_an_older_recording_is_named_where_it_may_have_
 
 
 def test_an_option_that_is_new_since_does_not_keep_a_run_from_going_on(run, tmp_path, monkeypatch):
-    import dataclasses
-
     path = tmp_path / "run.gasp"
     run(scenes.scene(1), path, frames=3)
     later = dataclasses.make_dataclass("Options", [("glow", float, 0.0)], bases=(flying_points.Options,), frozen=True)

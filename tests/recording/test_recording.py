@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
 from gasp_core import Recording, RecordingChoice, Reduction
-from gasp_core.errors import RecordingError
+from gasp_core.errors import RecordingError, SceneError
 from gasp_core.io import write_splat
 from gasp_core.recording.commits import too_many_lost
 from gasp_core.recording.durable import folder_in_the_making, replace_file
 from gasp_core.recording.layout import VERSION
 from gasp_core.recording.lock import lock, locked
 from gasp_core.recording.nodes import sealed
+from gasp_core.recording.verifying import verify
 from gasp_core.recording.writer import split_displacements
 from gasp_core.scene.settings import CameraChoice
 
@@ -185,6 +186,56 @@ def test_a_state_of_another_time_is_not_gone_on_from(scene_of, run, tmp_path):
     again = run(scene, path, resume=True)
     end = whole.frame_count - 1
     assert np.array_equal(again.gaussians(end).means, whole.gaussians(end).means)
+
+
+def test_what_a_run_is_gone_on_with_is_what_it_says(scene_of, run, tmp_path):
+    """Duration and camera, which decide no frame; the header stays, and so does all that is asked of its digest."""
+    path, above = tmp_path / "a.gasp", CameraChoice(view="top")
+    run(scene_of(duration=0.12), path)
+    header = (path / "zarr.json").read_bytes()
+    assert Recording.open(path).scene.camera is None
+    longer = run(scene_of(duration=0.2, camera=above), path, resume=True)
+    assert (longer.status, longer.frame_count, longer.scene.duration) == ("complete", 6, 0.2)
+    assert longer.scene.camera == above and longer.engine.name == longer.scene.engine.name
+    assert (path / "zarr.json").read_bytes() == header and verify(path).damaged == verify(path).notes == ()
+    # Nothing is left to do but to say so.
+    assert run(scene_of(duration=0.2), path, resume=True).scene.camera is None
+    # And where the status is lost there is what it was begun with.
+    assert run(scene_of(duration=0.2, camera=above), path, resume=True).scene.camera == above
+    (path / "status" / "zarr.json").unlink()
+    assert Recording.open(path).scene.camera is None and Recording.open(path).scene.duration == 0.12
+    # As it was begun: nothing more is said than of a run that never stopped.
+    run(scene_of(duration=0.12), path, resume=True)
+    assert "scene" not in json.loads((path / "status" / "zarr.json").read_text())["attributes"]
+
+
+def test_a_scene_in_the_status_that_is_none_is_refused(recorded, scene_of, run):
+    edit(recorded.path / "status" / "zarr.json", lambda attributes: attributes.update(scene=3))
+    found = Recording.open(recorded.path)
+    with pytest.raises(RecordingError, match=r"status/zarr\.json is damaged: its scene is no text"):
+        _ = found.status
+    assert found.scene.duration == 0.2 and np.isfinite(found.points(5)).all()
+    edit(recorded.path / "status" / "zarr.json", lambda attributes: attributes.update(scene="[scene"))
+    with pytest.raises(SceneError, match=r"a\.gasp \(scene\)"):
+        _ = Recording.open(recorded.path).scene
+    with pytest.raises(RecordingError, match="cannot be compared"):
+        edit(recorded.path / "zarr.json", lambda attributes: attributes.update(scene_digest="of an earlier version"))
+        run(scene_of(duration=0.2), recorded.path, resume=True)
+
+
+def test_velocities_are_of_all_frames_or_of_none(scene_of, run, tmp_path):
+    path, wanted = tmp_path / "a.gasp", RecordingChoice(checkpoint_frames=2, velocities=True)
+    run(scene_of(), path, frames=4)
+    before = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    with pytest.raises(RecordingError, match=r"begun without velocities.* leave velocities = true .* or run it anew"):
+        run(scene_of(recording=wanted), path, resume=True)
+    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == before
+    with pytest.raises(RecordingError, match=r"say velocities = true .* and run it anew"):
+        Recording.open(path).velocities(2)
+    other = tmp_path / "b.gasp"
+    run(scene_of(recording=wanted), other, frames=4)
+    # One that has them goes on with them, also where they are asked for no more.
+    assert run(scene_of(), other, resume=True).velocities(10).any()
 
 
 def test_damage_explains_so_many_missing_frames_and_no_more():
