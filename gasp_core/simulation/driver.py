@@ -82,7 +82,7 @@ def simulate(
     resume
         Go on with the recording at `out` from its last checkpoint; begin where there is none. The result is that of
         a run that never stopped, bit for bit with an engine that is deterministic. The scene may last longer than
-        before.
+        before, and have another camera.
     frames
         Stop once there are so many frames, the one at time 0 included; `resume` goes on from there.
     overwrite
