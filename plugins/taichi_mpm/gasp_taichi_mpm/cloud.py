@@ -168,7 +168,7 @@ class Cloud(SortedCloud):
         self._set_meetings(met)
         self._active = self._memory.put(woken.active)
         self._control[words.ACTIVE] = len(woken.active)
-        self._control[words.TRACERS] = woken.awake
+        self._control[words.TRACERS], self._control[words.CARRIES] = woken.awake, woken.awake > 0
         self._control[words.PHASES_AT : words.PHASES_AT + words.PHASES + 1] = self._tickets(found)
 
     def _set_meetings(self, met: Meetings) -> None:
@@ -357,7 +357,7 @@ class Cloud(SortedCloud):
         grid = self._memory.get(self._grid)
         grid[rows, :3] = velocities
         self._memory.write(self._grid, grid)
-        if self._control[words.TRACERS] > 0:
+        if self._control[words.CARRIES]:
             carrier = self._memory.get(self._carrier)
             carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
             self._memory.write(self._carrier, carrier)

@@ -117,7 +117,7 @@ def make_meet(least_mass: float, *, flowing: bool) -> Callable[..., Any]:
         first_member = met[control[words.MEMBER_BEGINS_AT] + place]
         end_member = met[control[words.MEMBER_BEGINS_AT] + place + 1]
         kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
-        traced = control[words.TRACERS] > 0
+        traced = control[words.CARRIES] == 1
         # Momentum to velocity, and what acts on bodies before they meet; in place of the mass its inverse, or -1.
         for m in range(first_member, end_member):
             corner = corner_of(met, control, m)

@@ -105,7 +105,7 @@ def make_node_work(real, least_mass: float, *, averaged: bool, flowing: bool) ->
         low = ti.Vector([control[words.LOWER + d] for d in range(3)])
         origin = ti.cast(low + corner - stand_of(met, control, corner[0]), ti.f64)
         touched = is_touched(origin + 1.5, forcing, fields, control, drive_set)
-        traced = control[words.TRACERS] > 0
+        traced = control[words.CARRIES] == 1
         kick = ti.Vector([batch[words.GRAVITY], batch[words.GRAVITY + 1], batch[words.GRAVITY + 2]])
         for i in range(4):
             for j in range(4):

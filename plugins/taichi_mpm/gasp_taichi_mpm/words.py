@@ -77,7 +77,10 @@ APART_BODIES_AT = 63
 """In the table of who meets: whose the blocks are that have one body only,"""
 MEMBER_BODIES_AT = 64
 """and those of the others."""
-CONTROL_WIDTH = 65
+CARRIES = 65
+"""1 where the carrier is written with the grid, because there are tracers that something can move: `TRACERS` is nought
+in a part of a step that moves none."""
+CONTROL_WIDTH = 66
 
 # The phases of a step, each done before the next begins; of these two the first of eight colours.
 CLEAR = 0

@@ -121,7 +121,7 @@ def make_blocks(double: bool, averaged: bool, flowing: bool) -> SimpleNamespace:
         s.grid[row] = v
         if flowing:
             settle_carried(s, row)
-        if s.tracer_count > 0:
+        if s.carries == 1:
             presence = wp.min(g[3] / full_presence, one)
             s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
 

@@ -194,7 +194,7 @@ class Cloud(StagedSteps):
 
     def _set_active(self, woken: TracerTables, found: CellTables, met: Meetings) -> None:
         tables = self._tables
-        tables.tracer_count = woken.awake
+        tables.tracer_count, tables.carries = woken.awake, int(woken.awake > 0)
         tables.active, tables.active_count = self._put(woken.active, wp.int32), len(woken.active)
         tables.apart, tables.apart_count = self._put(met.apart, wp.int32), len(met.apart)
         tables.apart_bodies = self._put(met.apart_bodies, wp.int32)

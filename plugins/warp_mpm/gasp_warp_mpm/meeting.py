@@ -119,7 +119,7 @@ def make_meeting(double: bool, averaged: bool, flowing: bool, *, native: bool) -
             s.grid[row] = v
             if flowing:
                 settle_carried(s, row)
-            if s.tracer_count > 0:
+            if s.carries == 1:
                 s.carrier[row] = vec4(zero, zero, zero, wp.min(g[3] / least_presence, one))
 
     @wp.func
@@ -137,7 +137,7 @@ def make_meeting(double: bool, averaged: bool, flowing: bool, *, native: bool) -
                 if held == 1:
                     s.report[CLAMPED] = 1
             s.grid[row] = v
-            if s.tracer_count > 0:
+            if s.carries == 1:
                 presence = s.carrier[row][3]
                 s.carrier[row] = vec4(presence * v[0], presence * v[1], presence * v[2], presence)
 

@@ -43,7 +43,7 @@ def make_rows(module: Any, double: bool) -> SimpleNamespace:
         k = wp.tid()
         node, v = rows[k], vec3(velocities[k])
         s.grid[node] = vec4(v[0], v[1], v[2], s.grid[node][3])
-        if s.tracer_count > 0:
+        if s.carries == 1:
             mass = s.carrier[node][3]
             s.carrier[node] = vec4(mass * v[0], mass * v[1], mass * v[2], mass)
 

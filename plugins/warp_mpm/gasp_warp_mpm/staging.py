@@ -115,7 +115,7 @@ class StagedSteps(DeviceOrder):
             return
         grid = tables.grid.numpy()
         grid[rows, :3] = velocities
-        if tables.tracer_count > 0:
+        if tables.carries:
             carrier = tables.carrier.numpy()
             carrier[rows, :3] = carrier[rows, 3:] * grid[rows, :3]
 

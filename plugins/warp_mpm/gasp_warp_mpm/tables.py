@@ -99,7 +99,10 @@ def tables_of(real: Any) -> Any:
         tracers: wp.array(dtype=wp.vec3d)
         tracer_homes: wp.array(dtype=wp.int32)
         tracer_count: int
+        """How many are carried: none in a part of a step that does something else."""
         carrier: wp.array(dtype=types.vec4)
+        carries: int
+        """1 where that is written with the grid, because there are tracers to be carried in some part of the step."""
         stands: wp.array(dtype=wp.int32)
         """Of the body in each column of blocks, three numbers; the rest is `gasp_mpm_host.bodies.Meetings`."""
         apart: wp.array(dtype=wp.int32)
