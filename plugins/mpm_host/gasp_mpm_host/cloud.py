@@ -21,7 +21,7 @@ from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.bodies import Meetings, alone, bodies_of_columns, home_boxes, meetings, stands_for
 from gasp_mpm_host.cells import BLOCK, CellTables, arrange, cell_order, grid_box, tabulate
-from gasp_mpm_host.rows import DAMAGED, Rows, standing
+from gasp_mpm_host.rows import DAMAGED, Rows
 from gasp_mpm_host.scaling import Units
 from gasp_mpm_host.session import FarAwayError
 from gasp_mpm_host.tracers import TRACER_MARGIN, TracerRows, TracerTables, arrange_tracers
@@ -93,8 +93,6 @@ class SortedCloud(ABC):
             rows = Rows.restored(restart, problem.points.material_ids, self._host_real, engine)
             tracers = TracerRows.restored(restart, self._traced, engine)
             self._stands = self._kept_stands(restart, engine)
-            rows = standing(rows, self._stands[self._bodies[rows.ids]])
-            tracers = tracers.standing(self._stands[self._tracer_bodies[tracers.ids]])
         self._load(rows)
         self._load_tracers(tracers)
         self._ids, self._tracer_ids = rows.ids, tracers.ids
@@ -299,15 +297,6 @@ class SortedCloud(ABC):
         """The points as they are, in the engine's own order."""
         return Rows(cells=self._cell_rows(), points=self._point_rows(), labels=self._label_rows(), ids=self._ids)
 
-    def _placed_rows(self) -> Rows:
-        """The same, without the bodies' stands."""
-        rows = self._rows()
-        return standing(rows, -self._stands[self._bodies[rows.ids]]) if self._stands.any() else rows
-
-    def _placed_tracers(self) -> TracerRows:
-        rows = self._tracer_rows()
-        return rows.standing(-self._stands[self._tracer_bodies[rows.ids]])
-
     def positions(self) -> Array:
         """(N, 3) [m], in the given order."""
         cells = self._cell_rows()
@@ -327,9 +316,12 @@ class SortedCloud(ABC):
 
     def tracer_positions(self) -> Array:
         """(M, 3) [m], in the given order."""
-        return self._placed_tracers().positions(self.units)
+        rows = self._tracer_rows()
+        return rows.standing(-self._stands[self._tracer_bodies[rows.ids]]).positions(self.units)
 
     def checkpoint(self) -> dict[str, Array]:
         """The state, in the engine's own order and units."""
+        # Where the grid has them: a place without its stand has other digits, and what is rounded away does not come
+        # back with the stand.
         kept = {"stands": self._stands.astype(np.float64)}
-        return self._placed_rows().checkpoint() | self._placed_tracers().checkpoint() | kept
+        return self._rows().checkpoint() | self._tracer_rows().checkpoint() | kept

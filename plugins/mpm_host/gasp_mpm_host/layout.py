@@ -24,8 +24,9 @@ MEAN_PRESSURE = 30
 HALF_SIDE = 31
 """Of the cube that a point stands for at rest [cells]."""
 POINT_WIDTH = 32
-LAYOUT = 5
-"""Grows whenever the meaning of a row of points or labels changes: checkpoints hold them as they are."""
+LAYOUT = 6
+"""Grows whenever the meaning of a row of points or labels changes, or of their cells: checkpoints hold them as they
+are."""
 
 # One point's row of integers.
 MATERIAL = 0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -19,7 +19,7 @@ from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.scaling import Units
 
-__all__ = ["DAMAGED", "Rows", "Survey", "standing"]
+__all__ = ["DAMAGED", "Rows", "Survey"]
 
 Array = NDArray[Any]
 
@@ -33,7 +33,7 @@ class Rows:
     Parameters
     ----------
     cells : (N, 3) float64
-        Positions.
+        Positions; of a cloud, those on its grid, where bodies have their stands (`gasp_mpm_host.bodies`).
     points : (N, `layout.POINT_WIDTH`) float32 or float64
     labels : (N, `layout.LABEL_WIDTH`) int32
     ids : (N,) int32
@@ -133,13 +133,6 @@ class Rows:
         gains = self.points[fluid, at.HISTORY].astype(np.float64)
         found[fluid] = np.cbrt(1 + gains)[:, None, None] * np.eye(3)
         return self._given(found)
-
-
-def standing(rows: Rows, stands: Array) -> Rows:
-    """The rows moved, cells and homes, by whole cells (N, 3), see `gasp_mpm_host.bodies`."""
-    labels = rows.labels.copy()
-    labels[:, at.HOME : at.HOME + 3] += stands.astype(np.int32)
-    return replace(rows, cells=rows.cells + stands, labels=labels)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
