@@ -119,6 +119,11 @@ class RigidSide:
         places, radii = self.world.state.places, self.world.surfaces.radii[:, None]
         return (places - radii).min(axis=0), (places + radii).max(axis=0)
 
+    def beside(self, low: Array, high: Array, stress: float) -> tuple[Array, Array, float]:
+        """Corners (3,) [m] of the box of other matter, and the step [s] that its stress bears: with rigid bodies."""
+        lower, upper = self.box
+        return np.minimum(low, lower), np.maximum(high, upper), min(stress, self.longest_step)
+
     def bodies_held(self, drives: Sequence[Drive], time: float, positions: Array, spacing: float) -> Array:
         """Which bodies of `soft`, whose points are at positions (N', 3) [m], each drive holds: see
         `gasp_core.stepping.forcing.bodies_held`."""

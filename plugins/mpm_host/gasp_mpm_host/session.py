@@ -245,9 +245,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         spacing = self._units.spacing
         low, high, stress, rigid = survey.low, survey.high, survey.stress, 0.0
         if self._rigid is not None:
-            (lower, upper), rigid = self._rigid.box, self._rigid.world.fastest
-            low, high = np.minimum(low, lower), np.maximum(high, upper)
-            stress = min(stress, self._rigid.longest_step)
+            low, high, stress = self._rigid.beside(low, high, stress)
+            rigid = self._rigid.world.fastest
         led = 0.0 if self._led is None else self._led.fastest(self._time)
         return limits_of(
             self._problem,
@@ -262,12 +261,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         )
 
     def _take(self, count: int, step: float, allowed: float, landing: float | None, looks: int) -> None:
-        """Take `count` steps, which may be as long as `allowed` [s], the last of which ends at `landing`, if any.
-
-        Points are sorted where one has strayed from home.
-        """
-        cloud = self.held()
-        begin = self._time
+        """Take `count` steps, which may be as long as `allowed`, the last up to `landing`; sort what has strayed."""
+        cloud, begin = self.held(), self._time
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
         placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
@@ -275,8 +270,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         if drives and self._rigid is not None:
             holding = self._rigid.bodies_held(drives, begin, cloud.positions(), self._units.spacing)
         elif drives and self._bodies > 1:
-            bodies = self._problem.points.body_ids
-            holding = bodies_held(drives, begin, cloud.positions(), bodies, self._bodies, self._units.spacing)
+            points, bodies = cloud.positions(), self._problem.points.body_ids
+            holding = bodies_held(drives, begin, points, bodies, self._bodies, self._units.spacing)
         forcing = Forcing(
             colliders=self._walls(begin, step, count),
             winds=wind_rows(winds, step, self._units, self._fields),
@@ -284,10 +279,9 @@ class MpmSession(SteppedSession[SteppedCloud]):
             holding=holding,
         )
         cloud.begin_batch(step, np.asarray(self._problem.gravity), forcing, looks)
-        stepper = cloud
+        stepper = cloud if self._interrupted is None else self._interrupted
         if self._interrupted is not None:
             self._interrupted.begin_batch(begin, step, count, allowed)
-            stepper = self._interrupted
         done = 0
         while done < count:
             taken, drifted, clamped = stepper.steps(done, count)

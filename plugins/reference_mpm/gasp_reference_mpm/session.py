@@ -171,9 +171,8 @@ class ReferenceSession(SteppedSession[Motion]):
         low, high = places.min(axis=0), places.max(axis=0)
         stress, rigid = stable_step(self._matter, motion, self._spacing), 0.0
         if self._rigid is not None:
-            (lower, upper), rigid = self._rigid.box, self._rigid.world.fastest
-            low, high = np.minimum(low, lower), np.maximum(high, upper)
-            stress = min(stress, self._rigid.longest_step)
+            low, high, stress = self._rigid.beside(low, high, stress)
+            rigid = self._rigid.world.fastest
         felt = 1.5 * self._spacing  # drives act at nodes, which points feel from so far away
         led = 0.0 if self._led is None else self._led.points.fastest(self._time)
         return limits_of(
