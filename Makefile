@@ -63,7 +63,7 @@ test: $(STAMP)
 	@$(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist worksteal $(ROOM_TESTS)
 else
 .PHONY: test
-test: check ## What has to be true, in a quarter of an hour on two cores; ROOM=reduction: one room in 20 s
+test: check ## What has to be true, in some twenty minutes on two cores; ROOM=reduction: one room in 20 s
 	@$(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist loadgroup
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 endif

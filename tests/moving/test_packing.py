@@ -32,7 +32,7 @@ from gasp_core.moving.packing import _order
 
 
 @pytest.mark.parametrize("way", ["all", "cores", "levels", "frames", "volume"])
-@pytest.mark.parametrize("error", [1e-3, 1e-5])
+@pytest.mark.parametrize("error", [pytest.param(1e-3, marks=pytest.mark.thorough), 1e-5])
 def test_no_gaussian_is_farther_off_than_asked_for(recorded, ways, tmp_path, way, error):
     kind, reduction = ways[way]
     recording = recorded(reduction)

@@ -154,7 +154,12 @@ SOLID = {
 
 
 @pytest.mark.parametrize(
-    "names", [*([name] for name in SOLID), ["plane", "turning box", "ball", "field", "turning field"]], ids=" ".join
+    "names",
+    [
+        *(pytest.param([name], marks=pytest.mark.thorough) for name in SOLID),
+        ["plane", "turning box", "ball", "field", "turning field"],
+    ],
+    ids=" ".join,
 )
 def test_what_is_solid_is_drawn_as_our_renderer_does(recorded, opened, ball, tmp_path, names):
     """In front of Gaussians and behind them, and of those that reach through it what is before it."""

@@ -73,7 +73,10 @@ class ContactTests:
         "contact",
         [
             BodyContact(friction=0.4),
-            *(BodyContact(contact=one) for one in (ContactCondition.SLIP, ContactCondition.STICK)),
+            *(
+                pytest.param(BodyContact(contact=one), marks=pytest.mark.thorough)
+                for one in (ContactCondition.SLIP, ContactCondition.STICK)
+            ),
         ],
         ids=lambda contact: contact.contact.value,
     )
