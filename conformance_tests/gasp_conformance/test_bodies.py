@@ -245,7 +245,8 @@ def test_a_rigid_part_flies(subject: Subject, ledger: Ledger, need: Need) -> Non
     need(subject.descriptor.capabilities.rigid_parts, "rigid parts of bodies that deform")
     need(Field.VELOCITIES in subject.descriptor.capabilities.output_fields, "that it reports velocities")
     flight = rigid_part_cases.hammer_flies(subject)
-    ledger.at_most("hammer", "farther apart [cells]", flight.apart, 0.1)
+    # What strays goes on straying: a hundredth of a cell in each of two turns would be half of one after fifty.
+    ledger.at_most("hammer", "farther apart [cells]", flight.apart, 0.02)
     ledger.at_most("hammer", "change of momentum", flight.momentum, rounding(subject, flight.substep_count))
     # Points do not show what of it is in the affine velocities of the handle, some hundredths of its share.
     ledger.at_most("hammer", "change of angular momentum", flight.spin, 0.02)
