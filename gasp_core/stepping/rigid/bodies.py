@@ -13,7 +13,7 @@ from gasp_core.contract import PointProblem, Rigid
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import rotation_matrices, rotation_quaternions
 from gasp_core.stepping.mass_properties import inertia_of_cubes, shown_spin
-from gasp_core.stepping.rigid_motion import Pose
+from gasp_core.stepping.rigid_motion import Pose, rotation_matrix
 
 __all__ = ["RigidBodies", "RigidState", "momenta_of", "moved", "poses_of", "rigid_bodies_of"]
 
@@ -224,18 +224,11 @@ def driven_round(
     """
     if not held:
         return after
-    rows = np.array(held)
-    quaternions, kept = after.quaternions.copy(), after.spins.copy()
-    angles = step * np.linalg.norm(spins[rows], axis=1)
-    # sin(a/2) / a for any angle, however small.
-    shares = 0.5 * step * np.sinc(angles / (2 * np.pi))
-    w, v = np.cos(angles / 2)[:, None], shares[:, None] * spins[rows]
-    q, u = before.quaternions[rows, :1], before.quaternions[rows, 1:]
-    whole = np.concatenate([w * q - np.sum(v * u, axis=1, keepdims=True), w * u + q * v + np.cross(v, u)], axis=1)
-    quaternions[rows] = whole / np.linalg.norm(whole, axis=1, keepdims=True)
-    axes = rotation_matrices(quaternions[rows])
-    along = np.einsum("bji,bj->bi", axes, spins[rows])
-    kept[rows] = np.einsum("bij,bj->bi", axes, bodies.moments[rows] * along)
+    rotations, quaternions, kept = before.rotations, after.quaternions.copy(), after.spins.copy()
+    for body in held:
+        axes = rotation_matrix(step * spins[body]) @ rotations[body]
+        quaternions[body] = rotation_quaternions(axes[None])[0]
+        kept[body] = axes @ (bodies.moments[body] * (spins[body] @ axes))
     return replace(after, quaternions=quaternions, spins=kept)
 
 

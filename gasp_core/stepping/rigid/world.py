@@ -192,9 +192,8 @@ class RigidWorld:
         largest = float(self.surfaces.radii.max())
         contacts = self._joints.holding(contacts, before, state.places, largest, step)
         velocities, after = self._met(contacts, nodes, inertias, momenta, before, velocities, held, step)
+        # Those of bodies that are held are found where these are driven round.
         spins = np.einsum("bij,bj->bi", inertias[:, 3:, 3:], velocities[:, 3:])
-        for body in held:
-            spins[body] = rotations[body] @ (bodies.moments[body] * (velocities[body, 3:] @ rotations[body]))
         way = self._pushed_apart(contacts, inertias, held, step)
         going = moved(bodies, replace(state, velocities=velocities[:, :3], spins=spins), step)
         going = driven_round(bodies, state, going, held, velocities[:, 3:], step)

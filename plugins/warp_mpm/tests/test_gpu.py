@@ -12,7 +12,7 @@ from gasp_mpm_host.forcing_tables import Forcing
 from gasp_mpm_host.session import FarAwayError, MpmSession, opened
 from gasp_mpm_host.testing.agreement import COMPANIES
 from gasp_mpm_host.testing.kit import falling
-from gasp_mpm_host.testing.tracers import traced
+from gasp_mpm_host.testing.tracers import go_alike, traced
 from gasp_warp_mpm import runtime
 from gasp_warp_mpm.cloud import Cloud
 from gasp_warp_mpm.engine import WarpMpm
@@ -60,18 +60,8 @@ def test_the_way_of_the_gpu_gives_the_same_motion(kit, material):
 def test_the_way_of_the_gpu_meets_rigid_bodies_where_they_are(kit, company):
     """Nodes and points are read and changed in the device's memory, a row a thread."""
     problem, accuracy = traced(COMPANIES[company]()), EngineAccuracy(spacing=0.05, substep=5e-4)
-    ends = []
-    for session in (
-        kit.open(problem, precision="float64", spacing=0.05, substep=5e-4),
-        opened(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu()),
-    ):
-        with session:
-            assert session.advance_to(0.02).status is Status.OK
-            ends.append(session.read(frozenset(Field)))
-    assert np.abs(ends[0].positions - ends[1].positions).max() <= 1e-12
-    moved = np.abs(ends[0].tracer_positions - problem.points.tracer_positions)[:-3].max(axis=1)
-    assert np.median(moved) > 0.005
-    assert np.abs(ends[0].tracer_positions - ends[1].tracer_positions)[:-3].max() <= 1e-12
+    by_host = kit.open(problem, precision="float64", spacing=0.05, substep=5e-4)
+    go_alike(problem, [by_host, opened(problem, engine="warp-mpm", accuracy=accuracy, build=on_the_cpu())])
 
 
 @pytest.mark.parametrize("company", [None, "three that deform"])

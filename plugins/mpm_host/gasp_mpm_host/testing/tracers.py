@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gasp_core.contract import Domain, DomainPolicy, Field, PointProblem, Status
+from gasp_core.contract import Domain, DomainPolicy, EngineSession, Field, PointProblem, PointState, Status
 from gasp_core.errors import SceneError
 from gasp_mpm_host.testing.kit import falling, same
 
-__all__ = ["TracerTests", "traced"]
+__all__ = ["TracerTests", "go_alike", "traced"]
 
 _ALL = frozenset(Field)
 _AWAY = np.array([[3.0, 3.0, 3.0], [-1e9, 0.0, 0.0], [0.2, 0.2, 1e300]])
@@ -23,6 +24,25 @@ def traced(problem: PointProblem, count: int = 200) -> PointProblem:
     low, high = places.min(axis=0), places.max(axis=0)
     near = np.random.default_rng(2).uniform(low - 0.1, high + 0.1, (count, 3))
     return replace(problem, points=replace(problem.points, tracer_positions=np.concatenate([near, _AWAY])))
+
+
+def go_alike(problem: PointProblem, sessions: Iterable[EngineSession]) -> None:
+    """Sessions of a problem that is `traced`, one after the other: points and tracers go, and to the same places."""
+    ends: list[PointState] = []
+    for session in sessions:
+        with session:
+            assert session.advance_to(0.02).status is Status.OK
+            ends.append(session.read(_ALL))
+    first = ends[0]
+    begun = problem.points.tracer_positions
+    assert begun is not None and first.tracer_positions is not None
+    away = len(_AWAY)
+    assert np.median(np.abs(first.tracer_positions - begun)[:-away].max(axis=1)) > 0.005
+    for other in ends[1:]:
+        assert other.tracer_positions is not None
+        # Some tens of steps of rounding in another order.
+        assert np.abs(first.positions - other.positions).max() <= 1e-12
+        assert np.abs(first.tracer_positions - other.tracer_positions)[:-away].max() <= 1e-12
 
 
 class TracerTests:
