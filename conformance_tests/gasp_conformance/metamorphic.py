@@ -17,16 +17,18 @@ from scipy.spatial.transform import Rotation
 from gasp_conformance import oracles
 from gasp_conformance.scenes import shared_scene, thrown_block
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.contract import Elastic, EngineAccuracy, PointProblem
+from gasp_core.contract import Elastic, EngineAccuracy, HalfSpace, Pinned, PointProblem
 
 __all__ = [
     "ACROSS_THE_GRID",
     "AFTER_CONTACT",
+    "FAR_BODY",
     "SOLVER_TOLERANCE",
     "SMOOTH",
     "Change",
     "Departure",
     "departure_after_contact",
+    "departure_held",
     "departure_of_modes",
     "departure_smooth",
 ]
@@ -148,6 +150,26 @@ def _split() -> Change:
     return Change(name="duplicated points", apply=apply)
 
 
+def _company(name: str, cells: float) -> Change:
+    """A copy of all bodies so many cells along x, which meets nothing of the others."""
+
+    def apply(trial: Trial) -> tuple[Trial, Back]:
+        count = len(trial.problem.points)
+        both = _with_rows(trial, np.tile(np.arange(count), 2))
+        points = both.problem.points
+        away = np.outer(np.arange(2 * count) >= count, (cells, 0.0, 0.0))
+        offset = away * trial.accuracy.spacing_for(trial.problem.points.size)
+        others = (np.arange(2 * count) >= count) * (1 + int(points.body_ids.max()))
+        both = _with_points(
+            both,
+            reference_positions=points.reference_positions + offset,
+            body_ids=points.body_ids + others,
+        )
+        return both, lambda positions: positions[:count]
+
+    return Change(name=name, apply=apply)
+
+
 def _units(factor: float) -> Change:
     """L -> s L, E -> s E, t -> sqrt(s) t at one density and gravity: the equations of motion stay what they are."""
 
@@ -175,7 +197,9 @@ def _units(factor: float) -> Change:
 
 
 _QUARTER = math.pi / 2
+FAR_BODY = _company("a body far away", 20)
 _AFTER_ALL = (
+    FAR_BODY,
     _turn("quarter turn about z", (0.0, 0.0, _QUARTER)),
     _shift("shift by whole cells", (5, -3, 0)),
     _renumber(seed=16),
@@ -230,6 +254,15 @@ def _departure(subject: Subject, trial: Trial, change: Change) -> Departure:
 def departure_smooth(subject: Subject, change: Change, cells: int) -> Departure:
     """A block of no symmetry turns, stretches and wobbles without weight, with and without the change."""
     return _departure(subject, _smooth_trial(cells), change)
+
+
+def departure_held(subject: Subject, change: Change, cells: int) -> Departure:
+    """The same block, which a region holds that its lowest points lie against and none is in."""
+    trial = _smooth_trial(cells)
+    places = trial.problem.points.reference_positions
+    under = HalfSpace(point=(0.0, 0.0, float(places[:, 2].min()) - 0.01 * trial.problem.points.size), normal=(0, 0, 1))
+    held = replace(trial.problem, drives=(Pinned(region=under),))
+    return _departure(subject, replace(trial, problem=held), change)
 
 
 def departure_of_modes(subject: Subject, change: Change, cells: int) -> Departure:

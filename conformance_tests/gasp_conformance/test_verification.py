@@ -20,7 +20,7 @@ from gasp_conformance.ledger import Ledger
 from gasp_conformance.metamorphic import Change
 from gasp_conformance.scenes import MATERIALS, shared_scene
 from gasp_conformance.subject import Need, Subject
-from gasp_core.contract import Determinism, Material, Quantity
+from gasp_core.contract import Determinism, Material, Pinned, Quantity
 
 each_material = pytest.mark.parametrize("material", MATERIALS.values(), ids=lambda material: material.kind)
 
@@ -288,6 +288,14 @@ def test_v16_smooth_motion_is_what_it_is_finely(subject: Subject, ledger: Ledger
 def test_v16_contact_is_what_it_is(subject: Subject, ledger: Ledger, change: Change) -> None:
     found = metamorphic.departure_after_contact(subject, change, cells=3)
     judge_departure(subject, ledger, "on a floor", change, found)
+
+
+@check("V16", Level.VERIFICATION)
+@pytest.mark.parametrize("change", [metamorphic.FAR_BODY], ids=lambda change: f"{change.name}, held")
+def test_v16_what_is_held_is_what_it_is(subject: Subject, ledger: Ledger, need: Need, change: Change) -> None:
+    need(Pinned in subject.descriptor.capabilities.drives, "regions that are pinned")
+    (cells,) = shared_scene("v16_smooth").cells
+    judge_departure(subject, ledger, "held", change, metamorphic.departure_held(subject, change, cells))
 
 
 @check("V16", Level.VERIFICATION)

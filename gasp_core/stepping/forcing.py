@@ -75,7 +75,9 @@ def bodies_held(
 
     What lies against a region is not held by it, though nodes that it speaks to are inside: a block that glides on
     one that is pinned glides on. So a body counts that has a point a third of a cell deep in the region, which is more
-    than contact leaves, or half as deep as any other. Where there is one body it is held by whatever a drive finds.
+    than contact leaves, or half as deep as any other. Where none has a point inside, nodes may still be, and they hold
+    what is nearest, with what is less than a third of a cell farther: a body by itself is held by whatever a drive
+    finds, wherever others are.
 
     Parameters
     ----------
@@ -88,9 +90,10 @@ def bodies_held(
     found = np.ones((len(drives), count), dtype=np.bool_)
     if count > 1:
         for row, drive in enumerate(drives):
-            depths = np.zeros(count)
+            depths = np.full(count, -np.inf)
             np.maximum.at(depths, bodies, -drive.region.signed_distance(position_at_start(drive, time, positions)))
-            found[row] = (depths > 0) & (depths >= min(spacing / 3, 0.5 * depths.max()))
+            deepest = depths.max()
+            found[row] = depths >= (min(spacing / 3, deepest / 2) if deepest > 0 else deepest - spacing / 3)
     return found
 
 

@@ -133,10 +133,16 @@ def test_a_drive_holds_bodies_that_are_in_its_region_and_none_that_lie_against_i
     assert bodies_held([region], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, False, False]]
     positions[2, 2] = 0.06
     assert bodies_held([region], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, True, False]]
-    # In a thin region nothing is deep: half as deep as what is deepest will do, and nothing is nothing.
+    # In a thin region nothing is deep: half as deep as what is deepest will do.
     thin = Pinned(region=BoxShape(center=(0.0, 0.0, 0.05), half_extents=(1.0, 1.0, 0.012)))
     positions[2, 2] = 0.0618
     assert bodies_held([thin], 0.0, positions, bodies, 3, 0.1).tolist() == [[True, False, False]]
-    away = Pinned(region=BoxShape(center=(9.0, 0.0, 0.0), half_extents=(1.0, 1.0, 0.1)))
-    assert not bodies_held([away], 0.0, positions, bodies, 3, 0.1).any()
-    assert bodies_held([away], 0.0, positions, np.zeros(6, dtype=int), 1, 0.1).all()
+
+
+def test_what_a_drive_finds_of_a_body_does_not_depend_on_others_elsewhere():
+    # No point is inside, but nodes may be: of a body that stands in the region's plane, the lowest ones.
+    under = Pinned(region=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
+    own, beside, far = [0.0, 0.0, 0.025], [0.3, 0.0, 0.03], [6.0, 0.0, 4.0]
+    assert bodies_held([under], 0.0, np.array([own]), np.array([0]), 1, 0.1).tolist() == [[True]]
+    positions = np.array([own, beside, far])
+    assert bodies_held([under], 0.0, positions, np.arange(3), 3, 0.1).tolist() == [[True, True, False]]

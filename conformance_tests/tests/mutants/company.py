@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineSession, Impulse, PointProblem, StepReport
+from gasp_core.contract import EngineAccuracy, EngineSession, Impulse, Pinned, PointProblem, StepReport
 from mutants.base import Mutant, Session, mutant
 
 Array = NDArray[Any]
@@ -164,3 +164,29 @@ class LeavesAProcess(Mutant):
     def open(self, problem: PointProblem, **choices: Any) -> Session:
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(20)"])
         return super().open(problem, **choices)
+
+
+@mutant("steps-by-the-crowd", {"V16[a body far away]": "distance / size"})
+class StepsByTheCrowd(Mutant):
+    """Every body has a share of the steps, wherever it is."""
+
+    def accuracy(self, accuracy: EngineAccuracy, problem: PointProblem) -> EngineAccuracy:
+        if accuracy.substep is None:
+            return accuracy
+        return replace(accuracy, substep=accuracy.substep / len(np.unique(problem.points.body_ids)))
+
+
+@mutant("regions-hold-points", {"V16[a body far away, held]": "distance / size"})
+class RegionsHoldPoints(Mutant):
+    """Where there are several bodies a region holds those that have a point in it; a body by itself, what is near."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        points = problem.points
+        if not points.body_ids.any():
+            return problem
+        held = [
+            drive
+            for drive in problem.drives
+            if not isinstance(drive, Pinned) or (drive.region.signed_distance(points.reference_positions) < 0).any()
+        ]
+        return replace(problem, drives=tuple(held))
