@@ -26,6 +26,7 @@ def _proof() -> Any:
 PROOF = _proof()
 
 
+@pytest.mark.thorough
 def test_the_last_command_is_the_suite_and_every_check_it_speaks_of_is_there() -> None:
     assert PROOF.commands()[-1] == ".venv/bin/gasp-conformance my-engine --quick\n"
     listing = subprocess.run(

@@ -71,6 +71,7 @@ def test_the_frames_of_a_run_are_a_motion(gasp, workplace, scene):
 @pytest.mark.skipif(
     importlib.util.find_spec("gasp_renderer") is None, reason="no renderer here: pip install -e plugins/renderer"
 )
+@pytest.mark.thorough
 def test_a_film_of_it(gasp, workplace, scene):
     (workplace / "sway.py").write_text(SWAY)
     outcome = gasp("run", scene(SWAYING), "--trust-code", "--render", "film.mp4", "--size", "64x48")

@@ -91,6 +91,7 @@ def test_keys_are_set_on_the_command_line_and_said_again_by_the_hint(gasp, workp
 
 
 @needs_renderer
+@pytest.mark.thorough
 def test_a_first_look_is_coarse_short_and_made_anew(gasp, workplace):
     changes = ("--set", "scene.duration=5", "--set", "scene.frame_rate=50", "--set", "accuracy.resolution=40")
     for _ in range(2):

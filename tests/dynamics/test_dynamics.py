@@ -565,9 +565,8 @@ def sway(points, s):
 """
 
 
-@pytest.mark.parametrize(
-    "reduction", [pytest.param(Reduction(), marks=pytest.mark.thorough), CORES], ids=["all", "cores"]
-)
+@pytest.mark.parametrize("reduction", [Reduction(), CORES], ids=["all", "cores"])
+@pytest.mark.thorough
 def test_gone_on_with_it_is_the_run_that_never_stopped(run, scene_of, tmp_path, reduction):
     trusting = partial(run, trust_code=True)
     module = tmp_path / "sway.py"

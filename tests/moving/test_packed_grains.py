@@ -15,7 +15,7 @@ WATER = Fluid(density=1000, bulk_modulus=1e5)
 SAND = Sand(density=1600, youngs_modulus=1e5, poissons_ratio=0.3, friction_angle=30)
 
 
-@pytest.fixture(scope="module", params=[SAND, WATER], ids=["sand", "water"])
+@pytest.fixture(scope="module", params=[pytest.param(SAND, marks=pytest.mark.thorough), WATER], ids=["sand", "water"])
 def sand(request, flowing, tmp_path_factory):
     """A ball that flies apart as it spins, its pack, and the frames as films have them."""
     recording = flowing(request.param)

@@ -40,7 +40,8 @@ def content(html, kind):
     return base64.b64decode(found)
 
 
-@pytest.mark.parametrize("name", ["toy", pytest.param("scene", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("name", ["toy", "scene"])
+@pytest.mark.thorough
 def test_gaussians_and_scenes_are_pictures(told, name):
     picture = np.asarray(Image.open(io.BytesIO(content(told[name], "image/png"))))
     assert picture.shape == (360, 640, 3)

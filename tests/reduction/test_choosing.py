@@ -98,7 +98,7 @@ def test_there_are_enough_cores_for_the_cells_of_a_sheet():
     [
         # 20 cells in a diameter are ten in a radius: the mean depth of a ball is a quarter of its radius.
         (shell(SHAPES["sphere"], count=5_000), {}, 24),
-        (shell(SHAPES["sphere"], count=5_000), {"material": WATER}, 48),
+        pytest.param(shell(SHAPES["sphere"], count=5_000), {"material": WATER}, 48, marks=pytest.mark.thorough),
         (shell(SHAPES["thin box"], count=20_000), {}, 40),
         (sheet(), {}, 48),
         (sheet(count=1_500), {}, 24),

@@ -32,7 +32,7 @@ def body_of(rng, vertices, count=60):
 
 
 @pytest.mark.parametrize("covariance", ["exact", "gram_schmidt"])
-@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("vertices", [3, pytest.param(4, marks=pytest.mark.thorough)])
 @settings(deadline=None)
 @given(
     seed=st.integers(0, 10_000),

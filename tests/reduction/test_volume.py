@@ -43,7 +43,7 @@ def joined(*splats):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("jittered", [False, True])
+@pytest.mark.parametrize("jittered", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_the_points_have_the_volume_of_the_solid_on_every_grid(name, jittered):
     splat = shell(SHAPES[name], count=5_000)
     solid = place_object(item(splat), splat).solid()

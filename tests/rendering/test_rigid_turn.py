@@ -60,6 +60,7 @@ def over_white(renderer, splats, camera):
     "quaternion",
     [(0.9, 0.1, -0.3, 0.2), *(pytest.param(q, marks=pytest.mark.slow) for q in ((0.1, 0.9, 0.3, -0.2), (0, 0, 0, 1)))],
 )
+@pytest.mark.thorough
 def test_turned_with_its_camera_it_looks_the_same(prepared, camera, quaternion):
     (rotation,) = rotation_matrices(np.array([quaternion]))
     turned = moved_as_one(prepared, rotation)

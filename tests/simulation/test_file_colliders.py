@@ -35,8 +35,18 @@ STIFF = Elastic(density=400, youngs_modulus=2e5, poissons_ratio=0.3)
 SLOW = ("reference-mpm", "mujoco-flex")
 """Minutes. That the first agrees with the others among such colliders, their own tests show; that the second's bodies
 rest on them, plugins/mujoco_flex/tests/test_known_shapes.py does."""
+FURTHER = ("taichi-mpm",)
+"""Compiled for it alone, and of the same kind as one that is not."""
+
+
+def _marks(name):
+    if name in SLOW:
+        return pytest.mark.slow
+    return pytest.mark.thorough if name in FURTHER else ()
+
+
 ENGINES = [
-    pytest.param(row.name, marks=pytest.mark.slow if row.name in SLOW else ())
+    pytest.param(row.name, marks=_marks(row.name))
     for row in engine_rows(discover())
     if row.status == "ready"
     and SignedDistanceField in discover().offer(row.name).descriptor.capabilities.collider_shapes

@@ -196,7 +196,8 @@ drag = 2
 """
 
 
-@pytest.mark.parametrize("by", [pytest.param("region", marks=pytest.mark.thorough), "labels"])
+@pytest.mark.parametrize("by", ["region", "labels"])
+@pytest.mark.thorough
 def test_a_soft_plant_in_a_pot_that_stands_still(data, tmp_path, by):
     ready("warp-mpm")
     selectors = {

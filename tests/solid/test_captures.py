@@ -37,7 +37,8 @@ def test_the_volume_does_not_depend_on_the_cells(name, capture):
     assert volumes[96] == pytest.approx(volumes[48], rel=0.05)
 
 
-@pytest.mark.parametrize("name", [pytest.param("plant.splat", marks=pytest.mark.thorough), "guitar.compressed.ply"])
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["plant.splat", "guitar.compressed.ply"])
 @pytest.mark.parametrize(("coarse", "fine"), [(32, 64), pytest.param(48, 96, marks=pytest.mark.slow)])
 def test_what_is_stated_holds_what_thin_bodies_change_by(name, coarse, fine, capture):
     gaussians = capture(name)

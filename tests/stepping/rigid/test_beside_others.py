@@ -86,7 +86,7 @@ def test_what_lies_on_matter_that_is_led_goes_with_it(advanced):
     np.testing.assert_allclose((state.positions[len(platform) :] - load)[:, 2].mean(), 0.06, atol=SPACING / 2)
 
 
-@pytest.mark.parametrize("apart", [5e-17, 1e-10, 1e-6])
+@pytest.mark.parametrize("apart", [5e-17, *(pytest.param(time, marks=pytest.mark.thorough) for time in (1e-10, 1e-6))])
 def test_a_seam_bears_a_step_however_short(advanced, apart):
     """Two winds that do nothing end one after the other: between them is a step as short as that."""
     hanging = block((8, 8, 12), SIDE, (0.0, 0.0, 6 * SIDE))

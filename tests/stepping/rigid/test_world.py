@@ -347,7 +347,7 @@ def test_what_is_driven_is_turned_as_far_as_it_is_told_about_any_axis():
     np.testing.assert_allclose(turning, np.cross(spin, wanted - wanted.mean(axis=0)), atol=1e-10)
 
 
-@pytest.mark.parametrize(("speed", "drag"), [(20.0, 5.0), (20.0, 50.0)])
+@pytest.mark.parametrize(("speed", "drag"), [(20.0, 5.0), pytest.param(20.0, 50.0, marks=pytest.mark.thorough)])
 def test_a_leaf_bears_a_storm(speed, drag):
     leaf = block((20, 20, 2), 5e-4)
     wind = Wind(velocity=(speed, 0.0, 0.0), drag=drag)

@@ -236,6 +236,7 @@ def test_recordings_that_are_kept(scene, tmp_path):
     assert recording.status == "complete" and recording.frame_count == 5
 
 
+@pytest.mark.thorough
 def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept(scene, tmp_path):
     """What has no frame, or no scene, has none; where nobody asks for recordings those that are there stay."""
     from gasp_core import Recording

@@ -337,7 +337,13 @@ class AgreementTests:
         moved = np.abs(expected - problem.points.tracer_positions).max(axis=1)
         assert moved.min() > 0.03 * _SIDE
 
-    @pytest.mark.parametrize("company", ["rigid and soft", "one that is led", "a rigid part"])
+    @pytest.mark.parametrize(
+        "company",
+        [
+            "rigid and soft",
+            *(pytest.param(one, marks=pytest.mark.thorough) for one in ("one that is led", "a rigid part")),
+        ],
+    )
     def test_companies_go_on_from_a_checkpoint_as_if_they_had_not_stopped(self, kit, company):
         problem, half = COMPANIES[company](), _STEP * _STEPS / 2
         choices = {"precision": "float64", "spacing": _SPACING / 2, "substep": _STEP}
