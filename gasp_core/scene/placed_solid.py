@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternions
 from gasp_core.scene.objects import UpAxis
-from gasp_core.scene.placement import Placement, upright
+from gasp_core.scene.placement import Placement, robust_box, upright
 from gasp_core.solid import MassProperties, Solid, SolidOptions
 from gasp_core.solid.remembered import remembered
 
@@ -18,6 +18,9 @@ __all__ = ["FEW", "PlacedSolid", "solid_behind"]
 
 FEW = 2_000
 """Gaussians up to which an object is simulated as it is: no solid is looked for behind so few."""
+_FAR = 1024
+"""Extents off its origin from which on a splat is brought there: nearer to it single precision knows places to 6e-5 of
+the extent, a four-hundredth of the details that are told apart."""
 
 Array = NDArray[Any]
 
@@ -139,14 +142,30 @@ def solid_behind(
     quaternions = gaussians.quaternions
     if not np.array_equal(turn, np.eye(3)):
         quaternions = rotation_quaternions(turn.T @ rotation_matrices(quaternions))
+    own = (gaussians.means - placement.translation) / placement.scale @ turn
+    middle = _far_middle(own)
     # In single precision, which files have: roundings of the placement are gone, and the digest is that of the splat.
     local = Gaussians(
-        means=((gaussians.means - placement.translation) / placement.scale @ turn).astype(np.float32),
+        means=(own - middle).astype(np.float32),
         quaternions=quaternions.astype(np.float32),
         scales=(gaussians.scales.astype(np.float64) / placement.scale).astype(np.float32),
         opacities=gaussians.opacities.astype(np.float32),
         harmonics=gaussians.harmonics[:, :1],
     )
     return PlacedSolid(
-        solid=remembered(local, options), rotation=turn, scale=placement.scale, translation=placement.translation
+        solid=remembered(local, options),
+        rotation=turn,
+        scale=placement.scale,
+        translation=placement.translation + placement.scale * turn @ middle,
     )
+
+
+def _far_middle(means: Array) -> Array:
+    """About the middle (3,) of means (N, 3) that are far off the origin, as on a map; zero for all others."""
+    lower, upper = robust_box(means)
+    middle, extent = (lower + upper) / 2, float((upper - lower).max())
+    if not 0.0 < _FAR * extent < np.abs(middle).max():
+        return np.zeros(3)
+    # In whole steps of a power of two, so that roundings of the placement hardly ever change it.
+    step = 2.0 ** np.ceil(np.log2(extent))
+    return step * np.rint(middle / step)
