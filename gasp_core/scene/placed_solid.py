@@ -50,15 +50,31 @@ class PlacedSolid:
 
     def gradient_at(self, points: Array) -> Array:
         """Unit directions (N, 3) away from the surface at points (N, 3) [m]; zero where there is none."""
-        step = self.spacing / 2
-        ends = [self.distance_at(points + shift) - self.distance_at(points - shift) for shift in step * np.eye(3)]
+        step, outer = self.spacing / 2, self.filled.distance_at
+        ends = [outer(points + shift) - outer(points - shift) for shift in step * np.eye(3)]
         slopes = np.stack(ends, axis=1)
+        # Nearer to the inner side of a wall than to the outer one: the way out is inwards.
+        slopes *= np.where(outer(points) < -self.wall / 2, -1.0, 1.0)[:, None]
         lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
         return slopes / np.where(lengths > 0, lengths, 1.0)
 
     def to_world(self, points: Array) -> Array:
         """Points (N, 3) of the solid's frame in the world [m]."""
         return self.scale * points @ self.rotation.T + self.translation
+
+    @property
+    def filled(self) -> PlacedSolid:
+        """The same without its hollow."""
+        return replace(self, solid=self.solid.filled)
+
+    def thickened(self, wall: float) -> PlacedSolid:
+        """The same with a wall of this [m] at least, inwards; what is filled stays so."""
+        return replace(self, solid=self.solid.hollowed(max(self.wall, wall) / self.scale))
+
+    @property
+    def wall(self) -> float:
+        """Thickness of its shell [m]; infinite where it is filled."""
+        return self.solid.wall * self.scale
 
     @property
     def volume(self) -> float:
@@ -100,16 +116,19 @@ class PlacedSolid:
         return lowest
 
     def nodes_inside(self) -> Array:
-        """The grid's nodes inside, (N, 3) [m]."""
+        """The grid's nodes inside, (N, 3) [m]; in a hollow too."""
         inside = np.argwhere(self.solid.distance < 0)
         return self.to_world(self.solid.grid.origin + self.solid.grid.spacing * inside)
 
     def surface_positions(self) -> Array:
         """Places on its surface and on its sheets, about a spacing apart, (N, 3) [m]."""
         depths = -self.scale * self.solid.distance[self.solid.distance < 0].astype(np.float64)
-        outermost = depths < self.spacing
-        nodes = self.nodes_inside()[outermost]
-        return np.concatenate([nodes + depths[outermost, None] * self.gradient_at(nodes), self.sheet_positions()])
+        nodes, found = self.nodes_inside(), [self.sheet_positions()]
+        for side in (self.wall, 0.0):
+            beside = (depths >= side) & (depths < side + self.spacing)
+            outwards = self.filled.gradient_at(nodes[beside])
+            found.insert(0, nodes[beside] + (depths[beside, None] - side) * outwards)
+        return np.concatenate(found)
 
     def sheet_positions(self) -> Array:
         """The pieces of sheets, (S, 3) [m]."""
