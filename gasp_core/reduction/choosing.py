@@ -80,12 +80,13 @@ def chosen_mode(placed: PlacedObject, known: TransferOperator | None) -> Choice:
     if moving <= FEW:
         return Choice(mode="all", why=f"{moving:,} Gaussians are few")
     solid = placed.solid()
-    inside, thin = solid.volume, float(solid.solid.sheets.volumes.sum()) * solid.scale**3
+    # A hollow body encloses what it would if it were filled.
+    inside, thin = solid.filled.volume, float(solid.solid.sheets.volumes.sum()) * solid.scale**3
     if inside + thin == 0:
         return Choice(mode="all", why="its Gaussians are too faint or too few to be the surface of a body")
     if inside < _THIN * (inside + thin):
         return Choice(mode="cores", why="its Gaussians are thin matter and enclose next to nothing")
-    return Choice(mode="volume", why=f"its Gaussians are the surface of {1e3 * inside:.3g} l")
+    return Choice(mode="volume", why=f"its Gaussians are the surface of {1e3 * solid.volume:.3g} l")
 
 
 def reduction_of(placed: PlacedObject, choice: Choice, block: Block, floor: float, spacing: float) -> Reduction:
@@ -159,10 +160,7 @@ def _cells_along(placed: PlacedObject, mode: str, size: float) -> tuple[float, s
     if mode == "cores":
         return float(_LAYERS), "thinness"
     solid = placed.solid()
-    inside = solid.solid.distance[solid.solid.distance < 0]
-    depth = -float(inside.mean(dtype=np.float64)) * solid.scale if len(inside) else solid.detail
-    # The mean depth in a slab is a quarter of its thickness, and so it is in a ball, of its radius.
-    return _layered(placed, size, depth)
+    return _layered(placed, size, solid.solid.mean_depth * solid.scale or solid.detail)
 
 
 def _layered(placed: PlacedObject, size: float, depth: float) -> tuple[float, str]:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gasp_core.solid.solid import filled_shares
+
 __all__ = ["PER_CELL", "lattice_inside"]
 
 Array = NDArray[Any]
@@ -16,13 +18,14 @@ Array = NDArray[Any]
 PER_CELL = 2
 """Points along each side of a cell of an engine."""
 _LEAST = 0.02
-"""Share of a point's volume below which it is none: it would weigh nothing and be moved all the same."""
+"""Share of a point's volume, or of what a wall right across has of it, below which it is none: it would weigh nothing
+and be moved all the same."""
 _SAMPLES = np.array(list(itertools.product((-0.25, 0.25), repeat=3)))
 _AT_ONCE = 2**21
 
 
 def lattice_inside(
-    distance_at: Callable[[Array], Array], lower: Array, upper: Array, step: float
+    distance_at: Callable[[Array], Array], lower: Array, upper: Array, step: float, wall: float = np.inf
 ) -> tuple[Array, Array]:
     """Points (P, 3) of a lattice that are inside, moved into the middle of what is, and their shares (P,), to 1.
 
@@ -34,7 +37,11 @@ def lattice_inside(
         Between which all that is inside lies.
     step
         Between points [m].
+    wall
+        [m] What is deeper inside is air.
     """
+    # The far corner of a cube is half its diagonal off.
+    reach = 0.87 * step
     counts = np.ceil((upper - lower) / step).astype(int)
     first = (lower + upper) / 2 - step * (counts - 1) / 2
     found: list[tuple[Array, Array]] = []
@@ -44,17 +51,16 @@ def lattice_inside(
         axes += [first[axis] + step * np.arange(int(counts[axis])) for axis in (1, 2)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         distances = distance_at(points)
-        # The far corner of a cube is half its diagonal off.
-        near = distances < 0.87 * step
+        near = (distances < reach) & (distances > -wall - reach)
         found.append((points[near], distances[near]))
     points, distances = (np.concatenate(part) for part in zip(*found))
     shares = np.ones(len(points))
-    cut = np.flatnonzero(distances > -0.87 * step)
+    cut = np.flatnonzero((distances > -reach) | (distances < reach - wall))
     inside = np.stack(
-        [np.clip(0.5 - distance_at(points[cut] + step * corner) / (0.5 * step), 0.0, 1.0) for corner in _SAMPLES],
-        axis=1,
+        [filled_shares(distance_at(points[cut] + step * corner), 0.5 * step, wall) for corner in _SAMPLES], axis=1
     )
     shares[cut] = inside.mean(axis=1)
-    points[cut] += step * (inside @ _SAMPLES) / np.maximum(inside.sum(axis=1, keepdims=True), _LEAST)
-    kept = shares > _LEAST
+    sums = inside.sum(axis=1, keepdims=True)
+    points[cut] += step * (inside @ _SAMPLES) / np.where(sums > 0, sums, 1.0)
+    kept = shares > _LEAST * min(wall / step, 1.0)
     return points[kept], shares[kept]

@@ -41,6 +41,8 @@ _FAINT = 1e-3
 it lies on and stretched as nothing else is, and the farthest stretched point sets the step of all."""
 _NEAR = 2.0
 """Cells: how far two points may be apart, along an axis, that share more than the rim of a kernel."""
+_TWO_LAYERS = 1.5
+"""Distances of points: a wall so thick is two layers wherever it lies on the lattice, and a thinner one may be one."""
 _JITTER = 0.25
 """In distances of points, to either side."""
 _ROUNDING = 1e-3
@@ -134,6 +136,7 @@ def sample_volume(
             ' as faint or lone ones are; say reduction = { mode = "all" }'
         )
     step = spacing / PER_CELL
+    thick = solid.thickened(_TWO_LAYERS * step)
     carrier = known
     if known is None or not _same(known, positions - block.centre, len(block.local), step):
         carrier = PointFrames.build(
@@ -141,7 +144,7 @@ def sample_volume(
             step,
             block.local.means.astype(np.float64),
             _feet(solid, block.local.means + block.centre, positions, step) - block.centre,
-            functools.partial(_open_between, solid, positions, solid.distance_at(positions) < 0.5 * step, step),
+            functools.partial(_open_between, thick, positions, thick.distance_at(positions) < 0.5 * step, step),
         )
     assert carrier is not None
     return Sample(
@@ -168,7 +171,13 @@ def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
     if not len(nodes):
         return np.zeros((0, 3)), np.zeros(0)
     lower, upper = nodes.min(axis=0) - 2 * solid.spacing, nodes.max(axis=0) + 2 * solid.spacing
-    return lattice_inside(solid.distance_at, lower, upper, step)
+    positions, shares = lattice_inside(solid.filled.distance_at, lower, upper, step, solid.wall)
+    uneven = max(_TWO_LAYERS * step - solid.wall, 0.0) / 3
+    if uneven:
+        # Points of one plane do not tell how it turns: those of a thin wall are not equally deep.
+        deeper = np.random.default_rng(0).uniform(0.0, uneven, (len(positions), 1))
+        positions -= deeper * solid.filled.gradient_at(positions)
+    return positions, shares
 
 
 def _sheets(solid: PlacedSolid, spacing: float, filled: Array) -> tuple[Array, Array]:
@@ -233,12 +242,14 @@ def _feet(solid: PlacedSolid, means: Array, positions: Array, step: float) -> Ar
     distances = solid.distance_at(means)
     tree: Any = KDTree(positions)
     to_points = tree.query(means, workers=processors())[0]
-    below = np.flatnonzero((distances > -_FOOT * step) & (to_points > np.maximum(distances, 0.0)))
+    # In the middle of a wall that is not so thick.
+    deep = min(_FOOT * step, solid.wall / 2)
+    below = np.flatnonzero((distances > -deep) & (to_points > np.maximum(distances, 0.0)))
     feet = means.copy()
     # Twice: the gradient is that of the surface near its foot.
     for _ in range(2):
         slopes = solid.gradient_at(feet[below])
-        deeper = solid.distance_at(feet[below]) + _FOOT * step
+        deeper = solid.distance_at(feet[below]) + deep
         feet[below] -= deeper[:, None] * slopes
     return feet
 

@@ -73,8 +73,10 @@ def _slice(plot: Any, body: PlacedSolid, means: Array, axis: int, at: float, low
     points[..., axis] = at
     points[..., across[0]], points[..., across[1]] = np.meshgrid(first, second, indexing="ij")
     distances = body.distance_at(points.reshape(-1, 3)).reshape(len(first), len(second))
+    # A wall that is thinner than a pixel is one pixel thick.
+    filled = distances < max((step - body.wall) / 2, 0.0)
     extent = (first[0], first[-1], second[0], second[-1])
-    plot.imshow((distances < 0).T, origin="lower", extent=extent, cmap="Blues", vmin=0, vmax=1.6)
+    plot.imshow(filled.T, origin="lower", extent=extent, cmap="Blues", vmin=0, vmax=1.6)
     sheets = body.sheet_positions()
     near = np.abs(sheets[:, axis] - at) < body.detail / 2
     plot.scatter(sheets[near][:, across[0]], sheets[near][:, across[1]], s=1.5, c="#D55E00", linewidths=0)

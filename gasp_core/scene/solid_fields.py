@@ -15,6 +15,9 @@ __all__ = ["field_of"]
 
 Array = NDArray[Any]
 
+_WALL = 2 * np.sqrt(3.0)
+"""Spacings that a wall is thick at least, inwards: each side of it then cuts cells of which no corner is nearer to the
+other side, and what comes from without meets the surface of a body that is filled. A thinner one would have holes."""
 _MARGIN = 3
 """Nodes around what is inside."""
 _OFF = 0.65
@@ -31,7 +34,8 @@ _PIECE = 0.75
 def field_of(solid: PlacedSolid, name: str) -> SignedDistanceField:
     """The region that a solid fills, its sheets included, as thick as the solid says they are.
 
-    Where the object is turned the distances are interpolated onto a grid along the world's axes.
+    Where the object is turned the distances are interpolated onto a grid along the world's axes. A wall is no thinner
+    than that grid can carry.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ def field_of(solid: PlacedSolid, name: str) -> SignedDistanceField:
     counts = np.ceil((upper - anchor) / spacing).astype(int) + _MARGIN - first + 1
     origin = anchor + spacing * first
     nodes = origin + spacing * np.indices(counts).reshape(3, -1).T
-    values = solid.distance_at(nodes)
+    values = solid.thickened(_WALL * spacing).distance_at(nodes)
     if len(sheets):
         values = np.minimum(values, _distance_to(sheets, nodes) - radius)
     return SignedDistanceField(

@@ -34,8 +34,7 @@ class SolidOptions:
         "auto": filled where no light comes to, by `holes`. "filled": by half of the sky, if `holes` is less.
         "hollow": as "auto", but a shell of `wall`.
     wall
-        Thickness of that shell; in the unit of the Gaussians, in a scene [m]. What is thinner than two details of the
-        solid has no exact volume.
+        Thickness of that shell; in the unit of the Gaussians, in a scene [m].
     surface
         "seen": the body ends where one sees it, each Gaussian counts by what shows of it from all round. "middle": in
         the middle of its Gaussians, seen or not. "auto": seen if the splat was trained, so that a twentieth of its

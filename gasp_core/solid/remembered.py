@@ -33,7 +33,7 @@ __all__ = ["remembered"]
 
 Array = NDArray[Any]
 
-_VERSION = 6
+_VERSION = 7
 """Of what `solid_of` makes: another one wherever its numbers change."""
 _MOST_BYTES = 256 * 2**20
 _MOST_IN_MEMORY = 4
@@ -100,6 +100,7 @@ def _packed(solid: Solid) -> bytes:
         origin=solid.grid.origin,
         numbers=numbers,
         doubts=doubts,
+        wall=np.array(solid.wall),
         positions=solid.sheets.positions,
         areas=solid.sheets.areas,
     )
@@ -123,6 +124,8 @@ def _read(path: Path) -> Solid | None:
 def _solid(arrays: dict[str, Array]) -> Solid:
     distance, origin, positions, areas = (arrays[name] for name in ("distance", "origin", "positions", "areas"))
     spacing, detail, thickness = (float(number) for number in arrays["numbers"])
+    # Infinite where it is filled.
+    wall = float(arrays.pop("wall"))
     x, y, z = distance.shape
     whole = (
         distance.dtype == np.float32
@@ -131,6 +134,7 @@ def _solid(arrays: dict[str, Array]) -> Solid:
         and positions.shape == (len(areas), 3)
         and areas.ndim == 1
         and min(spacing, detail) > 0
+        and wall > 0
     )
     if not whole:
         raise ValueError("it is none of the files that are written here")
@@ -141,6 +145,7 @@ def _solid(arrays: dict[str, Array]) -> Solid:
         detail=detail,
         sheets=Sheets(positions=positions, areas=areas, thickness=thickness),
         doubts=Doubts(**doubts),
+        wall=wall,
     )
 
 

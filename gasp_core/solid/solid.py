@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gasp_core.solid.grid import Grid, interpolated
 from gasp_core.solid.morphology import connected_parts
 
-__all__ = ["Doubts", "MassProperties", "Sheets", "Solid"]
+__all__ = ["Doubts", "MassProperties", "Sheets", "Solid", "filled_shares"]
 
 Array = NDArray[Any]
 
@@ -103,13 +103,16 @@ class Solid:
     grid
         Of the distances.
     distance : (X, Y, Z) float32
-        To its surface, negative inside; within two spacings of the surface to a fraction of a spacing.
+        To its outer surface, negative within; within two spacings of the surface to a fraction of a spacing.
     detail
         Size of the smallest thing that was told apart.
     sheets
         Matter too thin for that.
     doubts
         How sure it is.
+    wall
+        Deeper than this below its outer surface it is air. Nodes know nothing of it: between them a wall that is
+        thinner than their spacing would be lost.
     """
 
     grid: Grid
@@ -117,6 +120,7 @@ class Solid:
     detail: float
     sheets: Sheets
     doubts: Doubts
+    wall: float = np.inf
 
     @property
     def is_empty(self) -> bool:
@@ -128,14 +132,27 @@ class Solid:
         """Of what is inside, without the sheets."""
         return float(self._shares().sum() * self.grid.spacing**3)
 
+    @property
+    def filled(self) -> Solid:
+        """The same without its hollow."""
+        return replace(self, wall=np.inf)
+
+    @property
+    def mean_depth(self) -> float:
+        """Of its matter below its surface: a quarter of its thickness in a slab, and of its radius in a ball; 0 where
+        nothing is inside."""
+        inside = self.distance[self.distance < 0]
+        return min(-float(inside.mean(dtype=np.float64)), self.wall / 4) if len(inside) else 0.0
+
     def distance_at(self, points: Array) -> Array:
-        """Signed distance (N,) at points (N, 3), trilinear.
+        """Signed distance (N,) at points (N, 3), trilinear; with a wall that to the nearer one of its sides.
 
         Beyond the grid that of its edge and the way there.
         """
         places = self.grid.places(np.asarray(points, dtype=np.float64))
         beyond = places - np.clip(places, 0.0, np.array(self.grid.shape) - 1.0)
-        return interpolated([self.distance], places)[:, 0] + self.grid.spacing * np.linalg.norm(beyond, axis=1)
+        outer = interpolated([self.distance], places)[:, 0] + self.grid.spacing * np.linalg.norm(beyond, axis=1)
+        return np.maximum(outer, -outer - self.wall)
 
     def mass_properties(self) -> MassProperties:
         """Volume, centre and inertia of what is inside and of the sheets.
@@ -157,7 +174,10 @@ class Solid:
         return MassProperties(volume=volume, centre=centre, inertia=np.eye(3) * np.trace(second) - second)
 
     def parts(self) -> tuple[Array, int]:
-        """Numbers 1, 2, ... (X, Y, Z) of the connected parts, the largest first, 0 outside; and how many there are."""
+        """Numbers 1, 2, ... (X, Y, Z) of the connected parts, the largest first, 0 outside; and how many there are.
+
+        What a part has within its wall is of the part.
+        """
         labels, sizes = connected_parts(self.distance < 0)
         renumbered = np.zeros(len(sizes), dtype=np.int32)
         renumbered[np.argsort(-sizes[1:], kind="stable") + 1] = np.arange(1, len(sizes))
@@ -165,7 +185,24 @@ class Solid:
 
     def hollowed(self, wall: float) -> Solid:
         """The same as a shell: what is deeper inside than `wall` is air."""
-        return replace(self, distance=np.maximum(self.distance, -self.distance - np.float32(wall)))
+        return replace(self, wall=wall)
 
     def _shares(self) -> Array:
-        return np.clip(0.5 - self.distance.astype(np.float64) / self.grid.spacing, 0.0, 1.0)
+        return filled_shares(self.distance.astype(np.float64), self.grid.spacing, self.wall)
+
+
+def filled_shares(distances: Array, side: float, wall: float = np.inf) -> Array:
+    """Shares (...), 0..1, of cubes of this side that are inside.
+
+    Parameters
+    ----------
+    distances : (...)
+        Of their middles to the outer surface, negative within. It is taken to cut cubes along their faces: that is
+        exact there, and in the mean of many cubes where it cuts across.
+    side
+    wall
+        Deeper inside is air.
+    """
+    # What is within the outer surface less what is within the inner one: right however thin the wall.
+    within, hollow = (np.clip(0.5 - depth / side, 0.0, 1.0) for depth in (distances, distances + wall))
+    return within - hollow

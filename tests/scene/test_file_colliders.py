@@ -86,6 +86,19 @@ def test_a_splat_is_the_solid_behind_it(folder):
     assert np.percentile(np.abs(off[near]), 95) <= field.error
 
 
+@pytest.mark.parametrize("turned", ["", "rotation = [20, 30, 40]\n"])
+def test_a_thin_wall_has_no_holes_and_is_met_where_the_filled_body_is(folder, turned):
+    text = '[[collider]]\nshape = "splat"\nsplat = "toy.ply"\nup = "+z"\nposition = [0, 0, 0]\n' + turned
+    hollow, filled = (
+        resolved(loaded(folder, text + more).colliders[0]).shape
+        for more in ('solid = { interior = "hollow", wall = 0.002 }\n', "")
+    )
+    # Corners of cells that the surface cuts are at most a diagonal of one off it.
+    beside = np.abs(filled.values) <= np.sqrt(3) * filled.spacing
+    assert np.array_equal(hollow.values[beside], filled.values[beside])
+    assert hollow.signed_distance(np.array([[0, 0, SHAPES["sphere"].size / 2]])) > 0
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

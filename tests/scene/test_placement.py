@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from splat_shells import SHAPES, shell
 
 from gasp_core import Elastic, Gaussians, SplatObject
 from gasp_core.cli import up_axes
@@ -10,6 +11,7 @@ from gasp_core.gaussians import rotation_matrices
 from gasp_core.harmonics import basis
 from gasp_core.scene.objects import UP_AXES
 from gasp_core.scene.placement import place, placement_of, robust_box, upright, with_up
+from gasp_core.scene.selection import place_object
 
 JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 
@@ -49,6 +51,29 @@ def test_files_are_minus_y_up_and_arrays_plus_z(cloud, tmp_path):
     splat = cloud()
     assert np.array_equal(placement_of(thing(splat), splat).rotation, np.eye(3))
     assert np.array_equal(placement_of(thing(tmp_path / "a.ply"), splat).rotation, upright("-y"))
+
+
+@pytest.mark.parametrize("far", [(2.0**19, 2.0**22, 128.0), (0.0, -3.0 * 2.0**20, 0.0)])
+def test_a_splat_in_map_coordinates_has_the_body_that_it_has_at_the_origin(far):
+    splat = shell(SHAPES["thin box"], count=5_000)
+    # In steps that double precision has out there too: both are the same splat to the last bit.
+    splat = splat.with_(means=np.rint(splat.means * 2.0**20) / 2.0**20)
+    near, away = (
+        place_object(thing(each, position=(1.0, 2.0, 3.0)), each)
+        for each in (splat, splat.with_(means=splat.means + np.array(far)))
+    )
+    # Sums over points of the size of the box, in another order of magnitude: some thousand roundings of 1e-16.
+    assert away.solid().volume == pytest.approx(near.solid().volume, rel=1e-9)
+    places = np.random.default_rng(0).uniform(-1, 1, (500, 3)) + [1.0, 2.0, 3.5]
+    # Where it stands is a difference of numbers of 4e6, whose roundings are 5e-10; distances are single precision.
+    assert away.solid().distance_at(places) == pytest.approx(near.solid().distance_at(places), abs=1e-6)
+
+
+def test_a_splat_near_its_origin_is_taken_as_its_file_has_it():
+    splat = shell(SHAPES["thin box"], count=3_000)
+    away = splat.with_(means=(splat.means + [500.0, 0.0, -900.0]).astype(np.float32))
+    placed = place_object(thing(away, position=(1.0, 2.0, 3.0)), away)
+    assert np.array_equal(placed.solid().translation, placed.placement.translation)
 
 
 def test_without_any_wish_all_stays_bit_for_bit(cloud):

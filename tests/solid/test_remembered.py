@@ -55,8 +55,9 @@ def splat(count=500):
     return shell(SHAPES["sphere"], count=count)
 
 
-def test_a_solid_is_made_once_and_found_again_as_it_was(folder, made):
-    first, second = remembered(splat()), later(splat())
+@pytest.mark.parametrize("options", [None, SolidOptions(interior="hollow", wall=0.01)])
+def test_a_solid_is_made_once_and_found_again_as_it_was(folder, made, options):
+    first, second = remembered(splat(), options), later(splat(), options)
     same(first, second)
     assert len(made) == 1 and len(list(folder.iterdir())) == 1
 

@@ -183,12 +183,25 @@ def test_a_body_of_two_parts_has_two():
     assert count == 2 and sizes[0] >= sizes[1] > 0.95 * sizes[0]
 
 
-def test_a_hollowed_body_is_its_wall():
+@pytest.mark.parametrize("details", [6, 3, 1, 0.3, 0.01])
+def test_a_hollowed_body_is_its_wall_however_thin(details):
     solid = solid_of(shell(SHAPES["sphere"]))
-    wall = 3 * solid.detail
-    inner = 0.5 - wall
-    expected = 4 / 3 * np.pi * (0.5**3 - inner**3)
-    assert solid.hollowed(wall).volume == pytest.approx(expected, rel=0.03)
+    hollow = solid.hollowed(details * solid.detail)
+    radius, inner = 0.5, 0.5 - hollow.wall
+    # Between nodes the slope of the distance is off by half a spacing times the curvature; and the surface, on both
+    # sides, by a twentieth of a spacing.
+    bound = 0.6 * solid.grid.spacing / radius
+    found = hollow.mass_properties()
+    assert found.volume == pytest.approx(4 / 3 * np.pi * (radius**3 - inner**3), rel=bound)
+    assert hollow.volume + hollow.sheets.volumes.sum() == pytest.approx(found.volume, rel=1e-12)
+    inertia = 8 / 15 * np.pi * (radius**5 - inner**5)
+    assert np.diag(found.inertia) == pytest.approx([inertia] * 3, rel=bound)
+    # Half way through it one is half of it deep.
+    across = np.random.default_rng(0).normal(size=(1000, 3))
+    across *= (radius - hollow.wall / 2) / np.linalg.norm(across, axis=1, keepdims=True)
+    depths = -hollow.distance_at(across + [0, 0, radius])
+    assert depths.max() <= hollow.wall / 2 * (1 + 1e-6)
+    assert np.sqrt(np.mean((depths - hollow.wall / 2) ** 2)) < 0.05 * solid.grid.spacing
 
 
 def test_the_same_gaussians_give_the_same_solid():
