@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gasp_core import linalg3
 from gasp_core.errors import SceneError
-from gasp_core.games import Covariance, deformation_gradients, to_simplices
+from gasp_core.games import Covariance, deformation_gradients, gram_schmidt_edges, to_simplices
 from gasp_core.gaussians import Gaussians
 
 __all__ = ["ControlRule", "control", "limit_as_printed", "limit_edges", "limit_stretches"]
@@ -68,6 +68,13 @@ def control(
     return _RULES[covariance, rule](simplices, reference, alpha, before)
 
 
+def _in_order(simplices: Array, edges: Array) -> Array:
+    """Simplices (N, V, 3) with their edges in another order, (N, V - 1)."""
+    ordered = np.array(simplices, dtype=np.float64)
+    ordered[:, 1:] = np.take_along_axis(ordered[:, 1:], edges[:, :, None], axis=1)
+    return ordered
+
+
 def limit_edges(
     simplices: Array, reference: Gaussians, alpha: float, before: Array | None = None
 ) -> tuple[Array, Array]:
@@ -94,6 +101,8 @@ def limit_edges(
     clipped : (N,) bool
     """
     rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3) if before is None else before
+    order = gram_schmidt_edges(reference.scales, simplices.shape[1])
+    simplices, rest = _in_order(simplices, order), _in_order(rest, order)
     bound = alpha * np.linalg.norm(rest[:, 1:] - rest[:, :1], axis=2)
     edges = simplices[:, 1:] - simplices[:, :1]
     first, second = edges[:, -2], edges[:, -1]
@@ -106,7 +115,7 @@ def limit_edges(
     long = length > bound[:, -2] * (1 + 1e-12)
     high = height > bound[:, -1] * (1 + 1e-12)
     clipped = long | high
-    limited = np.array(simplices, dtype=np.float64)
+    limited = simplices.copy()
     shrink = np.where(high, bound[:, -1] / np.where(high, height, 1.0), 1.0)[:, None]
     rows = np.flatnonzero(clipped)
     limited[rows, -1] = (limited[:, 0] + along + across * shrink)[rows]
@@ -120,7 +129,7 @@ def limit_edges(
         excess = (depth - np.copysign(bound[:, 0], depth))[:, None] * normal
         limited[rows, 1] -= excess[rows]
         clipped |= deep
-    return limited, clipped
+    return _in_order(limited, np.argsort(order, axis=1)), clipped
 
 
 def limit_as_printed(
@@ -133,6 +142,8 @@ def limit_as_printed(
     Parameters and results as in `limit_edges`.
     """
     rest = to_simplices(reference, 4 if simplices.shape[1] == 4 else 3) if before is None else before
+    order = gram_schmidt_edges(reference.scales, simplices.shape[1])
+    simplices, rest = _in_order(simplices, order), _in_order(rest, order)
     bound = alpha * np.linalg.norm(rest[:, 1:] - rest[:, :1], axis=2)
     edges = simplices[:, 1:] - simplices[:, :1]
     first, second = edges[:, -2], edges[:, -1]
@@ -141,7 +152,7 @@ def limit_as_printed(
     across = _unit(second - along)
     # A hair of tolerance, or rounding at rest would count as clipping with alpha = 1.
     long = np.linalg.norm(edges, axis=2) > bound * (1 + 1e-12)
-    limited = np.array(simplices, dtype=np.float64)
+    limited = simplices.copy()
     set_to = {-2: unit * bound[:, -2, None], -1: along + across * bound[:, -1, None]}
     if simplices.shape[1] == 4:
         normal = np.cross(unit, across)
@@ -150,7 +161,7 @@ def limit_as_printed(
     for edge, wanted in set_to.items():
         rows = np.flatnonzero(long[:, edge])
         limited[rows, edge] = limited[rows, 0] + wanted[rows]
-    return limited, long.any(axis=1)
+    return _in_order(limited, np.argsort(order, axis=1)), long.any(axis=1)
 
 
 def _unit(vectors: Array) -> Array:

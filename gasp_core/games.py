@@ -36,6 +36,7 @@ __all__ = [
     "edge_axes",
     "flatten",
     "from_simplices",
+    "gram_schmidt_edges",
     "invert_simplices",
     "lengthened",
     "magnify",
@@ -97,6 +98,18 @@ def edge_axes(scales: Array, vertices: int) -> Array:
     if vertices == 4:
         return np.broadcast_to(np.arange(3), scales.shape)
     return _flat_order(scales)[:, 1:]
+
+
+def gram_schmidt_edges(scales: Array, vertices: int) -> Array:
+    """Which edges of a simplex Gram-Schmidt takes, (N, vertices - 1): the last as second, the one before as first.
+
+    In their own order but where, of four vertices, one of the last two is missing at rest; as in the kernel.
+    """
+    edges = np.broadcast_to(np.arange(vertices - 1), (len(scales), vertices - 1))
+    if vertices == 3:
+        return edges
+    both = (scales[:, 1:] > 0).all(axis=1, keepdims=True)
+    return np.where(both, edges, _flat_order(scales))
 
 
 def _rest_edges(gaussians: Gaussians, vertices: int) -> tuple[Array, Array]:
@@ -200,7 +213,8 @@ def deformation_gradients(simplices: Array, reference: Gaussians) -> Array:
     """F of every simplex: the linear map that takes its edges at rest to its edges now.
 
     Where an edge is missing (three vertices, or a scale of zero) the unit normal of the other two stands in on both
-    sides: the material is taken to keep its thickness. With less than two edges F is the identity.
+    sides: the material is taken to keep its thickness. With one edge F is the stretch along it, and then the shortest
+    rotation to where it points; with none the identity.
 
     Parameters
     ----------
@@ -266,7 +280,8 @@ def invert_simplices(
         The Gaussians at rest: their thickness (three vertices), colour and opacity, and which edge follows which axis.
     covariance
         "exact": Sigma = sum_k e_k e_k^T, then its principal axes; equal to F Sigma F^T for every affine motion.
-        "gram_schmidt": r1 = e2 x e3, r2 = e2, r3 = Gram-Schmidt of e3, s2 = |e2|, s3 = <e3, r3> (GASP, equation 5).
+        "gram_schmidt": r1 = e2 x e3, r2 = e2, r3 = Gram-Schmidt of e3, s2 = |e2|, s3 = <e3, r3> (GASP, equation 5);
+        where e2 or e3 was missing at rest with the two that were there, the longer first, as of a triangle.
     previous
         Source of the frame where a simplex has none; the reference if not given.
 

@@ -124,7 +124,7 @@ def orthogonalised_with_turn(a, b, c):
 
 
 @inlined
-def _perpendicular(a):
+def perpendicular(a):
     """A unit vector at right angles to the unit vector a."""
     if abs(a[0]) <= abs(a[1]) and abs(a[0]) <= abs(a[2]):
         p = cross(a, (1.0, 0.0, 0.0))
@@ -166,13 +166,13 @@ def frame(a, b, c):
     elif has_b and has_c:
         a = cross(b, c)
     elif has_a:
-        b = _perpendicular(a)
+        b = perpendicular(a)
         c = cross(a, b)
     elif has_b:
-        c = _perpendicular(b)
+        c = perpendicular(b)
         a = cross(b, c)
     else:
-        a = _perpendicular(c)
+        a = perpendicular(c)
         b = cross(c, a)
     return a, b, c, (x if has_a else 0.0, y if has_b else 0.0, z if has_c else 0.0), True
 

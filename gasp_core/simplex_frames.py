@@ -19,11 +19,15 @@ from gasp_core.linalg3 import (
     inlined,
     orthogonalise_lanes,
     parallel,
+    perpendicular,
     quaternion,
     rotation,
     scaled,
     turned,
 )
+
+_OPPOSITE = 1e-8
+"""Of the sum of two directions: a shorter one is as much rounding as sum, and what is at right angles is as near."""
 
 
 @inlined
@@ -60,6 +64,17 @@ def flat_order(scales):
     if scales[third] > scales[second]:
         return thin, third, second
     return thin, second, third
+
+
+@inlined
+def gram_schmidt_order(scales, vertices):
+    """Axes of a Gaussian as Gram-Schmidt takes them: that of the normal, of the first edge, of the second.
+
+    Of four vertices 0, 1, 2, but where one of these two edges is missing at rest, which spans nothing.
+    """
+    if vertices == 3 or not (scales[1] > 0.0 and scales[2] > 0.0):
+        return flat_order(scales)
+    return 0, 1, 2
 
 
 @inlined
@@ -129,8 +144,10 @@ def _gram_schmidt_frame(simplex, rest_scales, columns, scales):
     if not (extent > 0.0 and math.isfinite(extent)):
         return False
     factor = 1 / extent
-    last = simplex.shape[0] - 1
-    first, other = _edge(simplex, last - 1, factor), _edge(simplex, last, factor)
+    thin, second, third = gram_schmidt_order(rest_scales, simplex.shape[0])
+    full = simplex.shape[0] == 4
+    first = _edge(simplex, second + 1 if full else 1, factor)
+    other = _edge(simplex, third + 1 if full else 2, factor)
     length, other_length = math.sqrt(dot(first, first)), math.sqrt(dot(other, other))
     if not (length > 0.0 and other_length > 0.0):
         return False
@@ -142,12 +159,8 @@ def _gram_schmidt_frame(simplex, rest_scales, columns, scales):
         return False
     r1 = scaled(normal, 1 / sine)
     r3 = cross(r1, r2)
-    if simplex.shape[0] == 3:
-        thin, second, third = flat_order(rest_scales)
-        _store(thin, scaled(r1, 1.0 if (thin + 1) % 3 == second else -1.0), rest_scales[thin], columns, scales)
-    else:
-        thin, second, third = 0, 1, 2
-        _store(thin, r1, abs(dot(_edge(simplex, 1, factor), r1)) * extent, columns, scales)
+    thickness = abs(dot(_edge(simplex, thin + 1, factor), r1)) * extent if full else rest_scales[thin]
+    _store(thin, scaled(r1, 1.0 if (thin + 1) % 3 == second else -1.0), thickness, columns, scales)
     _store(second, r2, length * extent, columns, scales)
     _store(third, r3, dot(other, r3) * extent, columns, scales)
     return True
@@ -247,6 +260,25 @@ def _add_outer(now, rest, gradient):
 
 
 @inlined
+def _needle_gradient(now, rest, gradient):
+    """F of one edge, at rest of length 1: it goes to where it is now, and what is across it with the shortest rotation.
+
+    That is a half-turn about the edge at rest and then one about w, midway between the two: across 1 - 2 w w^T.
+    """
+    to = _unit(now)
+    middle = (rest[0] + to[0], rest[1] + to[1], rest[2] + to[2])
+    length = math.sqrt(dot(middle, middle))
+    middle = scaled(middle, 1 / length) if length > _OPPOSITE else perpendicular(rest)
+    along = dot(middle, rest)
+    across = (middle[0] - along * rest[0], middle[1] - along * rest[1], middle[2] - along * rest[2])
+    for i in range(3):
+        for j in range(3):
+            gradient[i, j] = 1.0 if i == j else 0.0
+    _add_outer((now[0] - rest[0], now[1] - rest[1], now[2] - rest[2]), rest, gradient)
+    _add_outer(scaled(middle, -2.0), across, gradient)
+
+
+@inlined
 def _gradient(simplex, quaternion, scales, gradient):
     axes = _axes_at_rest(quaternion)
     if simplex.shape[0] == 3:
@@ -262,9 +294,14 @@ def _gradient(simplex, quaternion, scales, gradient):
         x, y, z = scales[0], scales[1], scales[2]
         now_a, now_b, now_c = _stretched(simplex, 1, x), _stretched(simplex, 2, y), _stretched(simplex, 3, z)
     if (x > 0.0) + (y > 0.0) + (z > 0.0) < 2:
-        for i in range(3):
-            for j in range(3):
-                gradient[i, j] = 1.0 if i == j else 0.0
+        # Of nothing at all the identity.
+        if z > 0.0:
+            now_a, a = now_c, c
+        elif y > 0.0:
+            now_a, a = now_b, b
+        elif not x > 0.0:
+            now_a = a
+        _needle_gradient(now_a, a, gradient)
         return
     # Collinear edges have no normal: the direction at rest keeps F finite.
     if not x > 0.0:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+import operator
+import sys
 from collections.abc import Iterable, Sequence
 from enum import Enum
-from typing import Any, cast
+from typing import Any, SupportsIndex, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 
-__all__ = ["finite", "finite_vector", "frozen_array", "instance", "member", "members", "positive", "unit_vector"]
+__all__ = [
+    "finite", "finite_vector", "frozen_array", "instance", "member", "members", "positive", "unit_vector", "whole",
+]  # fmt: skip
 
 Vector = tuple[float, float, float]
+
+_ROUNDED = 4 * sys.float_info.epsilon
+"""Off 1 by no more, a length is one that was made so: three quotients, and the length that is taken anew."""
 
 _LONGEST_SAID = 80
 """Letters of a value that is no such."""
@@ -95,6 +102,17 @@ def positive(owner: object, *names: str) -> None:
         finite(owner, name, low=0.0, open_low=True)
 
 
+def whole(value: object) -> int | None:
+    """A whole number, NumPy's too, as Python's own; None where it is none, as 1.0 and True are."""
+    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        # As arrays of NumPy and its True have it.
+        return None
+
+
 def finite_vector(owner: object, name: str) -> None:
     """Replace a field by a tuple of three finite floats, or refuse it."""
     value = getattr(owner, name)
@@ -111,13 +129,18 @@ def finite_vector(owner: object, name: str) -> None:
 
 
 def unit_vector(owner: object, name: str) -> None:
-    """Replace a field by its direction, or refuse a zero vector."""
+    """Replace a field by its direction, or refuse a zero vector; what is of length 1 already stays to the last bit."""
     finite_vector(owner, name)
     vector: Vector = getattr(owner, name)
-    length = math.hypot(*vector)
-    if length == 0.0:
+    if not any(vector):
         raise SceneError(f"{type(owner).__name__}.{name} must not be the zero vector")
-    object.__setattr__(owner, name, tuple(component / length for component in vector))
+    if abs(math.hypot(*vector) - 1) <= _ROUNDED:
+        return
+    # By a power of two, which rounds nothing: a length beyond 1e308 is none, one of 1e-320 has few digits.
+    exponent = math.frexp(max(map(abs, vector)))[1]
+    near = [math.ldexp(component, -exponent) for component in vector]
+    length = math.hypot(*near)
+    object.__setattr__(owner, name, tuple(component / length for component in near))
 
 
 def frozen_array(

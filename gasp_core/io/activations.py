@@ -31,8 +31,12 @@ def sigmoid(logits: ArrayLike) -> Array:
 
 
 def logit(opacities: ArrayLike) -> Array:
-    """Logits of opacities, float32, always finite for opacities in 0..1; 0 and 1 come back exactly from `sigmoid`."""
+    """Logits of opacities, float32; 0 and 1 come back exactly from `sigmoid`, for what is beyond them as well.
+
+    What is not finite becomes NaN: files that can hold such Gaussians keep them as what they are, none to be drawn.
+    """
     a = np.asarray(opacities, dtype=np.float64)
+    a = np.where(np.isfinite(a), np.clip(a, 0.0, 1.0), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         logits = np.log(a) - np.log1p(-a)
     return np.clip(logits, _NOTHING, _EVERYTHING).astype(np.float32)

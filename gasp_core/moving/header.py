@@ -132,7 +132,8 @@ class MotionHeader:
             origin=tuple(meta.numbers("origin", 3)),
             quantum=_positive(meta, "quantum"),
             largest_error=meta.number("largest_error"),
-            alpha=None if meta.entries.get("alpha") is None else _positive(meta, "alpha"),
+            # Below 1 as in `recorded_maps`.
+            alpha=None if meta.entries.get("alpha") is None else max(_positive(meta, "alpha"), 1.0),
             bodies=tuple(_body(body) for body in bodies[:_MOST_BODIES]),
             camera=None if meta.entries.get("camera") is None else meta.inner("camera").entries,
             colliders=tuple(one.entries for one in colliders),

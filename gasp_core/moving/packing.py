@@ -27,6 +27,7 @@ from gasp_core.moving.html import write_page
 from gasp_core.moving.reading import block_name, body_of
 from gasp_core.moving.solids import entries_of
 from gasp_core.recording.drawn import DrawnFrames
+from gasp_core.recording.map_record import map_record, recorded_maps
 from gasp_core.recording.reader import Recording
 from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.grains import Grains
@@ -128,7 +129,7 @@ def pack(
         origin=tuple(source.origin.tolist()),
         quantum=quantum,
         largest_error=largest,
-        alpha=None if source.bounded else recording.header.maps["alpha"],
+        alpha=None if source.bounded else map_record(recorded_maps(recording.header.maps))["alpha"],
         bodies=source.headers,
         camera=camera,
         colliders=entries,

@@ -20,9 +20,9 @@ _ADVICE = "run it anew, or under another name"
 
 
 def refuse_other(
-    found: Recording, wanted: Header, descriptor: EngineDescriptor, options: Any, *, velocities: bool
+    found: Recording, wanted: Header, descriptor: EngineDescriptor, options: Any, *, velocities: bool, frames: int
 ) -> None:
-    """Refuse to go on with a recording of another scene, engine or set of points, or one of less.
+    """Refuse to go on with a recording of another scene, engine or set of points, one of less, or one of more frames.
 
     Parameters
     ----------
@@ -34,6 +34,8 @@ def refuse_other(
         The engine that would go on, and its options.
     velocities
         Whether frames are to have these too.
+    frames
+        How many there are to be in the end.
 
     Raises
     ------
@@ -53,6 +55,13 @@ def refuse_other(
         raise RecordingError(
             f"{path}: this GASP ({wanted.gasp_version}) makes other points of the scene than the one that recorded it"
             f" ({header.gasp_version}), on this processor at least: {_ADVICE}"
+        )
+    if found.frame_count > frames:
+        # None is taken away that somebody has waited for, and a status of fewer would contradict what is there.
+        longest = (found.frame_count - 1) / header.frame_rate
+        raise RecordingError(
+            f"{path}: has {found.frame_count} frames, and the scene would have {frames}: none of them is taken back;"
+            f" let it last at least as long, scene.duration = {longest!r}, or {_ADVICE}"
         )
     if velocities and not found.has_velocities:
         # All frames have them or none.

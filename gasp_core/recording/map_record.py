@@ -18,10 +18,13 @@ def map_record(maps: MapChoice) -> dict[str, Any]:
 
 
 def recorded_maps(record: Mapping[str, Any]) -> MapChoice:
-    """The maps that frames are read with; recordings of before 0.2.0 name no rule of control."""
+    """The maps that frames are read with; recordings of before 0.2.0 name no rule of control.
+
+    An alpha below 1, which shrank what was at rest, scenes could say once: it is taken for 1.
+    """
     alpha = record["alpha"]
     return MapChoice(
         covariance=record["covariance"],
-        alpha=math.inf if alpha is None else alpha,
+        alpha=math.inf if alpha is None else max(alpha, 1.0),
         control=record.get("control", "bounded"),
     )

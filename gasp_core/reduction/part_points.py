@@ -183,11 +183,16 @@ def _most_of(numbers: Array, groups: Array, count: int) -> Array:
 def _at_points(
     placed: PlacedObject, index: int, of_gaussians: Array, carrier: TransferOperator, points: Array, members: Array
 ) -> dict[str, Array]:
-    """What varies of a part's material, at its points `members` (M,): means of the Gaussians of it that lead there."""
+    """What varies of a part's material, at its points `members` (M,): means of the Gaussians of it that lead there.
+
+    Where regions of parts hold all Gaussians, what is left of the body is as those of the parts around it.
+    """
     fields = placed.fields[index + 1]
     if not fields or not len(members):
         return {name: np.zeros(0) for name in fields}
     own = np.flatnonzero(of_gaussians == index)
+    if not len(own):
+        own = np.arange(len(of_gaussians))
     groups, wanted = carrier.leaders[own], _sources(carrier)[members]
     counts = np.bincount(groups, minlength=len(points))
     lone = np.flatnonzero(counts[wanted] == 0)

@@ -21,8 +21,8 @@ def changed(values: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
         As TOML has them; they are changed.
     changes
         Each ``path=value``: names of keys with points between them, where one of several tables ([[object]],
-        [[collider]]) is its number from 0 or its name, and need not be said of one alone; and a value as in the file,
-        a text without quotes too.
+        [[collider]]) is its number from 0 or its name, and need not be said of one alone, and one of several numbers
+        (position) its number from 0; and a value as in the file, a text without quotes too.
 
     Raises
     ------
@@ -54,8 +54,14 @@ def _set(values: dict[str, Any], keys: Sequence[str], value: Any, change: str) -
             inner = cast("list[Any]", inner)[0]
             _refuse_misspelt(inner, keys[depth + 1], key, change)
         here = inner
+    where = ".".join(keys[:-1])
     if isinstance(here, list):
-        raise SceneError(f"--set {change}: {'.'.join(keys[:-1])} are several tables: say which, by name or number")
+        entries = cast("list[Any]", here)
+        if any(isinstance(entry, dict) for entry in entries):
+            raise SceneError(f"--set {change}: {where} are several tables: say which, by name or number")
+        _one_of(entries, keys[-1], where, change)
+        entries[int(keys[-1])] = value
+        return
     _table(here, keys[:-1], change)[keys[-1]] = value
 
 
@@ -82,8 +88,11 @@ def _refuse_misspelt(table: Any, key: str, where: str, change: str) -> None:
 
 def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:
     if not _names(tables, key):
-        names = [str(entry.get("name", number)) for number, entry in enumerate(tables) if isinstance(entry, dict)]
-        raise SceneError(f'--set {change}: there is no {where} "{key}", there are {", ".join(names)}')
+        names = [
+            str(cast("dict[str, Any]", entry).get("name", number)) if isinstance(entry, dict) else str(number)
+            for number, entry in enumerate(tables)
+        ]
+        raise SceneError(f'--set {change}: there is no {where} "{key}", there are {", ".join(names) or "none"}')
     for entry in tables:
         if isinstance(entry, dict) and cast("dict[str, Any]", entry).get("name") == key:
             return cast("dict[str, Any]", entry)

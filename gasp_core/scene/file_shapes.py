@@ -19,7 +19,7 @@ from gasp_core.io import read_splat
 from gasp_core.io.format_errors import shown
 from gasp_core.io.meshes import read_mesh
 from gasp_core.scene.file_digests import file_digest
-from gasp_core.scene.objects import SplatObject, UpAxis, check_rotation
+from gasp_core.scene.objects import UP_AXES, SplatObject, UpAxis, check_rotation
 from gasp_core.scene.placement import similarity, whole_box
 from gasp_core.scene.selection import place_object
 from gasp_core.scene.solid_fields import field_of
@@ -61,6 +61,8 @@ class FileShape(ABC):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "file", Path(self.file))
+        if self.up not in (None, *UP_AXES):
+            raise SceneError(f"{type(self).__name__}.up must be one of {', '.join(UP_AXES)}, found {self.up!r}")
         if self.height is not None and self.metres_per_unit is not None:
             raise SceneError(
                 f"{type(self).__name__}.height and metres_per_unit contradict each other: give one of them"

@@ -183,8 +183,12 @@ def checked_fields(item: SplatObject, fields: Fields, parts: Array, rows: Array,
     SceneError
         Naming object, number and the first Gaussian.
     """
+    cut_out = any(part.region is not None for part in item.parts)
     for index, columns in enumerate(fields):
         own = moving & (parts == index - 1)
+        if cut_out and not own.any():
+            # Regions that hold all Gaussians may leave matter of the body, which is then as any of these.
+            own = moving
         for name, values in columns.items():
             low, high = _ALLOWED[name]
             bad = np.flatnonzero(own & ~((values > low) & (values < high)))

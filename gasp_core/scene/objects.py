@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import BodyContact, Material, Shape
-from gasp_core.contract.validation import Vector, finite, finite_vector, instance, member
+from gasp_core.contract.validation import Vector, finite, finite_vector, instance, member, whole
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.columns import Column
@@ -116,8 +116,10 @@ class Reduction:
         object.__setattr__(self, "levels", 1 if self.levels is None else self.levels)
         for name in ("count", "levels"):
             value: object = getattr(self, name)
-            if value is not None and type(value) is not int:
+            number = whole(value)
+            if value is not None and number is None:
                 raise SceneError(f"Reduction.{name} must be a whole number, found {value!r}")
+            object.__setattr__(self, name, number)
         if self.count is not None:
             finite(self, "count", low=1)
         finite(self, "levels", low=1, high=8)
@@ -245,8 +247,6 @@ class SplatObject:
         instance(self, "reduction", Reduction, hint=', e.g. Reduction(mode="volume")')
         instance(self, "solid", SolidOptions)
         member(self, "floaters", Floaters)
-        if self.static and self.material is not None:
-            raise SceneError(f'SplatObject.material of "{self.name}" has no meaning with static: leave one of them out')
         if self.collider is not None and not self.static:
             raise SceneError(
                 f'SplatObject.collider of "{self.name}" has no meaning without static: bodies that move meet anyway'
@@ -259,8 +259,6 @@ class SplatObject:
         if not self.static and self.material is None:
             raise SceneError(f'SplatObject.material of "{self.name}" is missing: name one, or say static = true')
         object.__setattr__(self, "parts", tuple(self.parts))
-        if self.static and self.parts:
-            raise SceneError(f'SplatObject.parts of "{self.name}" have no meaning with static: leave one of them out')
         names = [part.name for part in self.parts if part.name]
         for name in names:
             if names.count(name) > 1:
@@ -281,6 +279,8 @@ class SplatObject:
             check_rotation(self)
         if self.vertices not in (None, 3, 4, "auto"):
             raise SceneError(f'SplatObject.vertices must be 3, 4 or "auto", found {self.vertices!r}')
+        if self.static:
+            _check_static(self)
         if any(part.driven for part in self.parts) and (self.motion is None or self.motion.composition != "driven"):
             raise SceneError(
                 f'SplatObject.parts of "{self.name}": one is driven, and nothing drives it: give the object a motion'
@@ -333,12 +333,31 @@ def columns_of(item: SplatObject) -> list[Column]:
     return found
 
 
+def _check_static(owner: SplatObject) -> None:
+    """Refuse what says how something is simulated of an object that is not."""
+    still = (0.0, 0.0, 0.0)
+    said = {
+        "material": owner.material is not None,
+        "parts": bool(owner.parts),
+        "motion": owner.motion is not None,
+        "velocity": owner.velocity != still,
+        "angular_velocity": owner.angular_velocity != still,
+        "reduction": owner.reduction != Reduction(),
+        "region": owner.region is not None,
+        "vertices": owner.vertices is not None,
+    }
+    for name, there in said.items():
+        if there:
+            raise SceneError(
+                f'SplatObject.{name} of "{owner.name}" {"have" if name in ("parts", "vertices") else "has"} no meaning'
+                " with static: leave one of them out"
+            )
+
+
 def _check_motion(owner: SplatObject, motion: Motion) -> None:
     where = f'SplatObject.motion of "{owner.name}"'
     if motion.composition == "driven" and not any(part.driven for part in owner.parts):
         raise SceneError(f'{where} drives nothing: say driven = true of a part, or another composition than "driven"')
-    if owner.static:
-        raise SceneError(f"{where} has no meaning with static: leave one of them out")
     if isinstance(motion, FrameSequence) and isinstance(owner.splat, Gaussians):
         raise SceneError(f"{where} wants a folder of frames for a splat, found Gaussians in memory")
     if isinstance(motion, DMiSoMotion) and isinstance(owner.splat, Gaussians):

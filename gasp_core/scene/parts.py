@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, cast
 
 from gasp_core.contract import Material, Rigid, Shape
+from gasp_core.contract.validation import whole
 from gasp_core.errors import SceneError
 from gasp_core.scene.columns import Column, column_of
 from gasp_core.scene.varying import VaryingMaterial
@@ -66,14 +68,18 @@ class Part:
             object.__setattr__(self, "labels", column_of(self.labels))
         if sum(each is not None for each in (self.region, self.component, self.labels)) != 1:
             raise SceneError("Part wants one of region, component and labels, to say which Gaussians it is of")
-        if self.component is not None and (type(self.component) is not int or self.component < 1):
-            raise SceneError(f"Part.component must be a whole number from 1 on, found {self.component!r}")
+        if self.component is not None:
+            component = whole(self.component)
+            if component is None or component < 1:
+                raise SceneError(f"Part.component must be a whole number from 1 on, found {self.component!r}")
+            object.__setattr__(self, "component", component)
         if (self.labels is None) != (self.label is None):
             raise SceneError("Part.labels and label go together: labels says where they are, label which are meant")
         if self.label is not None:
             given: Any = self.label
-            wanted = tuple(cast("list[int]", given)) if isinstance(given, (list, tuple)) else (given,)
-            if not wanted or any(type(each) is not int for each in wanted):
+            several = isinstance(given, Iterable) and whole(given) is None
+            wanted = tuple(whole(each) for each in (cast("Iterable[object]", given) if several else (given,)))
+            if not wanted or None in wanted:
                 raise SceneError(f"Part.label must be a whole number, or an array of them, found {given!r}")
             object.__setattr__(self, "label", wanted[0] if len(wanted) == 1 else wanted)
         if self.material is None and not (self.pinned or self.rigid or self.driven):

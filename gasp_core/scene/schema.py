@@ -17,7 +17,7 @@ __all__ = ["SCHEMA", "migrated"]
 
 Tables = dict[str, Any]
 
-SCHEMA = 2
+SCHEMA = 3
 """Of scenes as they are written today. A scene file that says no number is of today, a recording of number 1."""
 
 
@@ -33,6 +33,32 @@ def _with_every_vertex(top: Tables) -> Tables:
     return found
 
 
+def _without_what_meant_nothing(top: Tables) -> Tables:
+    """2: a static object could say how it is simulated, and an alpha below 1 shrank what was at rest."""
+    found = dict(top)
+    items: object = top.get("object")
+    if isinstance(items, list):
+        found["object"] = [_still(item) for item in cast("list[object]", items)]
+    maps: object = top.get("maps")
+    if isinstance(maps, Mapping):
+        values = cast("Mapping[str, Any]", maps)
+        alpha: object = values.get("alpha")
+        if isinstance(alpha, (int, float)) and 0 < alpha < 1:
+            found["maps"] = {**values, "alpha": 1.0}
+    return found
+
+
+def _still(item: object) -> object:
+    """A table of an object without what means nothing of a static one."""
+    if not isinstance(item, Mapping):
+        return item
+    values = cast("Mapping[str, Any]", item)
+    if values.get("static") is not True:
+        return values
+    idle = ("velocity", "angular_velocity", "region", "reduction", "vertices")
+    return {key: value for key, value in values.items() if key not in idle}
+
+
 def _said(owner: object, key: str, **defaults: Any) -> object:
     """A table with these entries in its own table `key`, where they are not said; what is no table stays for others."""
     if not isinstance(owner, Mapping):
@@ -44,7 +70,7 @@ def _said(owner: object, key: str, **defaults: Any) -> object:
     return {**values, key: {**defaults, **cast("Mapping[str, Any]", inner)}}
 
 
-_STEPS: tuple[Callable[[Tables], Tables], ...] = (_with_every_vertex,)
+_STEPS: tuple[Callable[[Tables], Tables], ...] = (_with_every_vertex, _without_what_meant_nothing)
 """From number 1 to 2, from 2 to 3, ...: functions of the whole file's tables."""
 
 

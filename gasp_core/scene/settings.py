@@ -80,7 +80,8 @@ class MapChoice:
     covariance
         "exact" (the covariance of the affinely deformed Gaussian) or "gram_schmidt" (the paper's).
     alpha
-        Bound of the control rule on how far a Gaussian may stretch, > 0; inf switches it off.
+        Bound of the control rule on how far a Gaussian may stretch, >= 1; inf switches it off. Below 1 it would shrink
+        what is at rest.
     control
         "bounded": nothing grows beyond alpha times what it was. "as_printed", only with "gram_schmidt": the paper's
         rule to the letter, which makes some sheared triangles larger; to compare with.
@@ -105,7 +106,7 @@ class MapChoice:
         if self.control == "as_printed" and self.covariance == "exact":
             raise SceneError('MapChoice.control = "as_printed" belongs to covariance = "gram_schmidt": say both')
         if self.alpha != math.inf:
-            finite(self, "alpha", low=0.0, open_low=True)
+            finite(self, "alpha", low=1.0)
         finite(self, "edge_floor", low=0.0)
 
 

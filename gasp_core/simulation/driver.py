@@ -82,7 +82,7 @@ def simulate(
     resume
         Go on with the recording at `out` from its last checkpoint; begin where there is none. The result is that of
         a run that never stopped, bit for bit with an engine that is deterministic. The scene may last longer than
-        before, and have another camera.
+        before, but not less long than the frames that there are, and have another camera.
     frames
         Stop once there are so many frames, the one at time 0 included; `resume` goes on from there.
     overwrite
@@ -193,7 +193,8 @@ def simulate_part(
         writer, last, restart = None, -1, {}
         try:
             if found is not None:
-                refuse_other(found, header, chosen.descriptor, options, velocities=scene.recording.velocities)
+                velocities = scene.recording.velocities
+                refuse_other(found, header, chosen.descriptor, options, velocities=velocities, frames=wanted)
                 writer, last, restart = RecordingWriter.resume(found, wanted, header.scene)
                 if writer.note:
                     shown.say(writer.note)

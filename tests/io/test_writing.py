@@ -37,6 +37,22 @@ def test_replaces_a_file_and_leaves_nothing_beside(some, tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
+def test_opacities_beyond_what_there_is_are_nothing_or_all(some, tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    opacities = np.array([-0.1, 0, 0.5, 1, np.nextafter(1, 2), 1.2, 1e30])
+    write_splat(path, some(7).with_(opacities=opacities))
+    found = sorted(read_splat(path).opacities.tolist())
+    # A half may be a byte, 127 or 128.
+    assert found == [0, 0, pytest.approx(0.5, abs=0.51 / 255), 1, 1, 1, 1]
+
+
+def test_what_is_not_finite_stays_so_in_a_ply(some, tmp_path):
+    path = tmp_path / "a.ply"
+    write_splat(path, some(4).with_(opacities=np.array([np.nan, np.inf, -np.inf, 0.5])))
+    assert np.isnan(read_splat(path).opacities).tolist() == [True, True, True, False]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_full_disk_leaves_the_old_file(some, tmp_path, suffix):
     """A limit on file sizes stands in for the disk: the system refuses the same write, with another number."""
     path = tmp_path / f"a{suffix}"

@@ -63,11 +63,64 @@ def test_rest_is_not_clipped_and_infinity_switches_off():
         np.testing.assert_array_equal(limited, simplices * 100)
 
 
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_the_paper_s_rules_bound_what_has_no_extent_along_any_one_axis(missing):
+    gaussians = some_gaussians()
+    scales = np.array(gaussians.scales)
+    scales[:, missing] = 0
+    gaussians = gaussians.with_(scales=scales)
+    rest = games.to_simplices(gaussians, 4)
+    moved = rest @ np.array([[4, 1, 0], [0, 3, 0.3], [0.5, 0, 5]]).T
+    free = games.from_simplices(moved, reference=gaussians, covariance="gram_schmidt").scales
+    held = games.from_simplices(limit_edges(moved, gaussians, 1.5)[0], reference=gaussians, covariance="gram_schmidt")
+    np.testing.assert_allclose(held.scales, np.minimum(free, 1.5 * scales), rtol=1e-9, atol=1e-12)
+    printed, _ = control(moved, gaussians, 1.5, "gram_schmidt", rule="as_printed")
+    held = games.from_simplices(printed, reference=gaussians, covariance="gram_schmidt")
+    long = np.linalg.norm(moved[:, 1:] - moved[:, :1], axis=2) > 1.5 * scales
+    np.testing.assert_allclose(held.scales, np.where(long, 1.5 * scales, free), rtol=1e-9, atol=1e-12)
+    for rule in ("bounded", "as_printed"):
+        limited, clipped = control(rest, gaussians, 1.0, "gram_schmidt", rule=rule)
+        assert not clipped.any()
+        np.testing.assert_array_equal(limited, rest)
+
+
+@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_needles_are_bounded_as_well(axis, vertices):
+    """With two scales of exactly zero; what they did by themselves before that is let pass."""
+    gaussians = some_gaussians()
+    scales = np.zeros_like(gaussians.scales)
+    scales[:, axis] = gaussians.scales[:, axis]
+    gaussians = gaussians.with_(scales=scales)
+    rest = games.to_simplices(gaussians, vertices)
+    affine = np.array([[4, 1, 0], [0, 0.5, 0], [0.3, 0, 1.2]])
+    moved, own = rest @ affine.T, rest @ (3 * np.eye(3)).T
+    lengths, lengths_before = (np.linalg.norm(s[:, 1:] - s[:, :1], axis=2).max(axis=1) for s in (moved, rest))
+    limited, clipped = limit_stretches(moved, gaussians, 2.0)
+    held = np.linalg.norm(limited[:, 1:] - limited[:, :1], axis=2).max(axis=1)
+    np.testing.assert_allclose(held, np.minimum(lengths, 2 * lengths_before), rtol=1e-12)
+    np.testing.assert_array_equal(clipped, lengths > 2 * lengths_before)
+    assert 0 < clipped.mean() < 1
+    limited, clipped = limit_stretches(own @ (1.9 * np.eye(3)).T, gaussians, 2.0, own)
+    assert not clipped.any()
+    limited, clipped = limit_stretches(own @ (5 * np.eye(3)).T, gaussians, 2.0, own)
+    assert clipped.all()
+    # Edges of 1e-2 at places of 10 are known to 1e-13.
+    np.testing.assert_allclose(limited[:, 1:] - limited[:, :1], 2 * (own[:, 1:] - own[:, :1]), atol=1e-13)
+
+
 @pytest.mark.parametrize("alpha", [0.0, -1.0, np.nan])
 def test_impossible_alpha(alpha):
     gaussians = some_gaussians(2)
     with pytest.raises(SceneError, match="alpha"):
         control(games.to_simplices(gaussians, 4), gaussians, alpha, "exact")
+
+
+def test_an_alpha_that_shrinks_what_is_at_rest_is_refused():
+    for alpha in (0.5, 0.999):
+        with pytest.raises(SceneError, match=r"MapChoice\.alpha must be >= 1"):
+            MapChoice(alpha=alpha)
+    assert MapChoice(alpha=1.0).alpha == 1
 
 
 def heights(simplices):

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from gasp_core import games
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians, rotation_matrices, rotation_quaternions
+from gasp_core.harmonics import turn_coefficients
 
 
 def random_gaussians(rng, count, *, low=-6.0, high=3.0, extent=1e3, flat=False, degree=0):
@@ -69,6 +71,26 @@ def test_gram_schmidt_is_exact_for_rotations_and_loses_shear():
     shear = np.array([[1, 2, 0], [0, 1, 0], [0, 0, 1.0]])
     sheared = games.from_simplices(simplices @ shear.T, reference=gaussians, covariance="gram_schmidt")
     assert np.median(relative_errors(sheared.covariances(), shear @ covariances @ shear.T)) > 0.05
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_gram_schmidt_turns_what_has_no_extent_along_any_one_axis(missing):
+    """Of four vertices too, whichever edge is missing: the other two span the plane."""
+    rng = np.random.default_rng(22)
+    gaussians = random_gaussians(rng, 200, low=-1, high=0, extent=1)
+    scales = np.array(gaussians.scales)
+    scales[:, missing] = 0
+    gaussians = gaussians.with_(scales=scales)
+    simplices, covariances = games.to_simplices(gaussians, 4), gaussians.covariances()
+    turn = rotation_matrices(rng.normal(size=(1, 4)))[0]
+    turned = games.invert_simplices(simplices @ turn.T, reference=gaussians, covariance="gram_schmidt")
+    assert not turned.degenerate.any()
+    assert relative_errors(turned.gaussians.covariances(), turn @ covariances @ turn.T).max() <= 1e-12
+    assert np.linalg.det(rotation_matrices(turned.gaussians.quaternions)) == pytest.approx(1, abs=1e-12)
+    still = games.from_simplices(simplices, reference=gaussians, covariance="gram_schmidt")
+    np.testing.assert_allclose(still.scales, scales, rtol=1e-12, atol=1e-15)
+    first = np.where(scales[:, (missing + 1) % 3] >= scales[:, (missing + 2) % 3], (missing + 1) % 3, (missing + 2) % 3)
+    assert missing == 0 or (games.gram_schmidt_edges(scales, 4)[:, 1] == first).all(), "the longer one first"
 
 
 def plain_gram_schmidt(simplex):
@@ -226,7 +248,10 @@ def test_deformation_gradient_of_a_full_simplex_is_the_affine_map():
 
 
 def plain_gradients(simplices, reference):
-    """Row by row: edges now over edges at rest, with unit normals of the other two for those that are missing."""
+    """Row by row: edges now over edges at rest, with unit normals of the other two for one that is missing.
+
+    Where two are: the stretch along the one there is, and then the rotation by the angle to where it points.
+    """
     found = []
     axes = games.edge_axes(np.asarray(reference.scales), simplices.shape[1])
     for simplex, turn, scales, row in zip(
@@ -234,8 +259,17 @@ def plain_gradients(simplices, reference):
     ):
         rest, now = np.zeros((2, 3, 3))
         there = [edge for edge, axis in enumerate(row) if scales[axis] > 0]
-        if len(there) < 2:
+        if not there:
             found.append(np.eye(3))
+            continue
+        if len(there) == 1:
+            edge = there[0]
+            before, after = turn[:, row[edge]], (simplex[edge + 1] - simplex[0]) / scales[row[edge]]
+            stretch = np.linalg.norm(after)
+            normal = np.cross(before, after / stretch)
+            angle = np.arctan2(np.linalg.norm(normal), before @ after / stretch)
+            shortest = Rotation.from_rotvec(angle * normal / np.linalg.norm(normal)).as_matrix()
+            found.append(shortest @ (np.eye(3) + (stretch - 1) * np.outer(before, before)))
             continue
         for edge in there:
             rest[edge] = turn[:, row[edge]] * scales[row[edge]]
@@ -255,7 +289,7 @@ def test_deformation_gradients_against_a_plain_reference(vertices):
     rng = np.random.default_rng(17)
     gaussians = random_gaussians(rng, 300, low=-5, high=1, extent=1, flat=vertices == 3)
     scales, quaternions = np.array(gaussians.scales), np.array(gaussians.quaternions)
-    scales[rng.random(scales.shape) < 0.1] = 0
+    scales[rng.random(scales.shape) < 0.3] = 0
     quaternions *= 10 ** rng.uniform(-200, 100, (300, 1))
     quaternions[:2] = [[0, 0, 0, 0], [np.nan, 0, 0, 1]]
     gaussians = gaussians.with_(scales=scales, quaternions=quaternions)
@@ -264,6 +298,57 @@ def test_deformation_gradients_against_a_plain_reference(vertices):
     moved = np.einsum("nij,nvj->nvi", affine, still)
     wanted = plain_gradients(moved, gaussians)
     np.testing.assert_allclose(games.deformation_gradients(moved, gaussians), wanted, atol=1e-11)
+
+
+def needles(axis, count, *, degree=0, vertices=4):
+    """Along an axis of theirs, which lies anywhere; without any width."""
+    made = random_gaussians(np.random.default_rng(21), count, low=-1, high=0, extent=1, degree=degree)
+    scales = np.zeros((count, 3))
+    scales[:, axis] = made.scales[:, axis]
+    made = made.with_(scales=scales, means=np.zeros((count, 3)))
+    return made, games.to_simplices(made, vertices)
+
+
+@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_needle_turns_by_the_shortest_way_however_far_that_is(axis, vertices):
+    """To the opposite direction as well, where there are many, and next to it, where the sum of both has no digits."""
+    near = np.pi - np.array([0, 1e-17, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7, 1e-4])
+    angles = np.concatenate([np.linspace(0, 3, 50), near])
+    gaussians, simplices = needles(axis, len(angles), vertices=vertices)
+    along = rotation_matrices(gaussians.quaternions)[:, :, axis]
+    across = np.cross(along, np.roll(along, 1, axis=1))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turns = Rotation.from_rotvec(angles[:, None] * across).as_matrix()
+    moved = 3 * np.einsum("nij,nvj->nvi", turns, simplices)
+    gradients = games.deformation_gradients(moved, gaussians)
+    # What is midway is known to 2^-53 over the sum of the two, which is 1e-8 at least, and enters four times; nearer to
+    # opposite a half-turn stands in, off by up to these 1e-8.
+    bound = 4 * 2**-53 / 1e-8 + 1e-8
+    stretches = np.einsum("nji,njk->nik", gradients, gradients)
+    np.testing.assert_allclose(stretches, np.eye(3) + 8 * np.einsum("ni,nj->nij", along, along), atol=9 * bound)
+    assert (np.linalg.det(gradients) > 0).all()
+    np.testing.assert_allclose(
+        np.einsum("nij,nj->ni", gradients, along), 3 * np.einsum("nij,nj->ni", turns, along), atol=1e-14
+    )
+    far = np.pi - angles > 1e-3
+    expected = turns + 2 * np.einsum("nij,nj,nk->nik", turns, along, along)
+    np.testing.assert_allclose(gradients[far], expected[far], atol=1e-12)
+
+
+@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_colours_of_needles_turn_with_them(axis, vertices):
+    gaussians, simplices = needles(axis, 20, degree=3, vertices=vertices)
+    along = rotation_matrices(gaussians.quaternions)[:, :, axis]
+    across = np.cross(along, [1.0, 0, 0])
+    turns = Rotation.from_rotvec(across / np.linalg.norm(across, axis=1, keepdims=True)).as_matrix()
+    moved = games.from_simplices(np.einsum("nij,nvj->nvi", turns, simplices), reference=gaussians)
+    # A rotation is known to 1e-14, what two columns count as orthogonal at; degree 3 turns three times as fast, and a
+    # coefficient is a sum of seven below 4.
+    np.testing.assert_allclose(
+        moved.harmonics, turn_coefficients(gaussians.harmonics, turns), atol=1e-14 * 3 * 7 * 4, rtol=0
+    )
 
 
 def test_edges_in_line_and_points_that_are_lost_give_no_surprise():

@@ -17,9 +17,11 @@ import pytest
 
 from gasp_core import EngineChoice, Gaussians, Recording
 from gasp_core.errors import RecordingError
+from gasp_core.moving.packing import pack
+from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording.migrations import VERSION
 from gasp_core.recording.nodes import sealed
-from gasp_core.scene.settings import CameraChoice
+from gasp_core.scene.settings import CameraChoice, MapChoice
 
 KEPT = Path(__file__).parents[1] / "recording_versions"
 FIELDS = ("means", "quaternions", "scales", "opacities", "harmonics")
@@ -195,6 +197,31 @@ def test_a_key_that_has_gone_from_an_older_recording_is_named_where_it_may_have_
     rewritten(path, lambda attributes: attributes.update(scene=attributes["scene"] + "[weather]\nrain = true\n"))
     with pytest.raises(RecordingError, match=r"keys that this GASP does not know any more.*\(weather\)"):
         run(scenes.scene(1), path, resume=True)
+
+
+def test_what_scenes_could_say_once_is_passed_over_where_it_did_nothing(cloud, run, tmp_path):
+    """How a static object would be simulated; an alpha below 1 shrank what was at rest, and is 1."""
+    path = tmp_path / "run.gasp"
+    scene = dataclasses.replace(scenes.scene(1), maps=MapChoice(alpha=1.0))
+    run(scene, path, frames=3)
+    whole = Recording.open(path).gaussians(2)
+
+    def age(attributes):
+        attributes["maps"]["alpha"] = 0.5
+        text = attributes["scene"].replace("schema = 3", "schema = 2").replace("alpha = 1.0", "alpha = 0.5")
+        moving, still = text.split('name = "still"')
+        still = still.replace("velocity = [0.0, 0.0, 0.0]", "velocity = [1.0, 0.0, 0.0]", 1)
+        attributes["scene"] = f'{moving}name = "still"{still}'
+
+    rewritten(path, age)
+    kept = Recording.open(path)
+    assert "alpha = 0.5" in kept.header.scene and "velocity = [1.0, 0.0, 0.0]" in kept.header.scene
+    assert kept.scene.maps.alpha == 1 and kept.forgotten == ()
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(kept.gaussians(2), name), getattr(whole, name))
+    pack(kept, tmp_path / "a.sog")
+    assert MovingSplat.open(tmp_path / "a.sog").header.alpha == 1
+    assert run(scene, path, resume=True).status == "complete"
 
 
 def test_an_option_that_is_new_since_does_not_keep_a_run_from_going_on(run, tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import warnings
 
@@ -204,9 +205,29 @@ def test_what_a_run_is_gone_on_with_is_what_it_says(scene_of, run, tmp_path):
     assert run(scene_of(duration=0.2, camera=above), path, resume=True).scene.camera == above
     (path / "status" / "zarr.json").unlink()
     assert Recording.open(path).scene.camera is None and Recording.open(path).scene.duration == 0.12
-    # As it was begun: nothing more is said than of a run that never stopped.
+
+
+def test_gone_on_with_as_it_was_begun_nothing_more_is_said_than_of_a_run_that_never_stopped(scene_of, run, tmp_path):
+    path = tmp_path / "a.gasp"
+    run(scene_of(duration=0.12), path, frames=2)
+    assert run(scene_of(duration=0.12, camera=CameraChoice(view="top")), path, resume=True).scene.camera is not None
     run(scene_of(duration=0.12), path, resume=True)
     assert "scene" not in json.loads((path / "status" / "zarr.json").read_text())["attributes"]
+
+
+def test_frames_that_there_are_are_not_too_many(scene_of, run, tmp_path):
+    """A scene of fewer was called complete, of so many frames as it did not have."""
+    path = tmp_path / "a.gasp"
+    run(scene_of(duration=1.0, frame_rate=30.0), path, frames=8)
+    before = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    told = r"has 8 frames, and the scene would have 4: none of them is taken back.*duration = (\S+), or run it anew"
+    with pytest.raises(RecordingError, match=told) as refused:
+        run(scene_of(duration=0.1, frame_rate=30.0), path, resume=True)
+    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == before
+    # What is advised is enough, to the last frame; a shorter scene than before may be gone on with as well.
+    least = float(re.search(told, str(refused.value))[1])
+    again = run(scene_of(duration=least, frame_rate=30.0), path, resume=True)
+    assert (again.status, again.frame_count, again.frames_wanted, again.scene.duration) == ("complete", 8, 8, least)
 
 
 def test_a_scene_in_the_status_that_is_none_is_refused(recorded, scene_of, run):

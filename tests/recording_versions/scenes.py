@@ -64,7 +64,8 @@ STILL = SplatObject(name="still", splat=cloud(1, flat=False), static=True)
 
 
 def _sampled(item: SplatObject) -> SplatObject:
-    return item if item.reduction.mode == "cores" else dataclasses.replace(item, reduction=Reduction(mode="all"))
+    kept = item.static or item.reduction.mode == "cores"
+    return item if kept else dataclasses.replace(item, reduction=Reduction(mode="all"))
 
 
 def _moving(version: int) -> tuple[SplatObject, ...]:

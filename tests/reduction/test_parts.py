@@ -224,6 +224,30 @@ def test_points_that_a_region_cuts_off_from_their_gaussians_have_the_value_of_th
     assert own.max() <= 1e5 + len(cube)
 
 
+def test_matter_that_regions_of_all_gaussians_leave_is_as_the_gaussians_around_it(cube):
+    """Two regions hold them all, and not a slab between the two: none is the object's own."""
+    splat = cube.select(np.abs(cube.means[:, 2] - 0.5) > 0.06)
+    left = splat.means[:, 0] <= 0
+    halves = [BoxShape(center=(0, 0, z), half_extents=(1, 1, 0.44)) for z in (0.0, 1.0)]
+    parts = [Part(region=half, material=STIFF) for half in halves]
+    material = VaryingMaterial(base=SOFT, columns={"youngs_modulus": np.where(left, 1e4, 1e6)})
+    problem = assembled(splat, *parts, material=material).problem
+    places = problem.points.reference_positions
+    between = np.all([half.signed_distance(places) > 0 for half in halves], axis=0)
+    found, x = problem.material_values("youngs_modulus")[between], places[between, 0]
+    assert (found[x < -0.25] == 1e4).all() and (found[x > 0.25] == 1e6).all()
+    assert (x < -0.25).any() and (x > 0.25).any()
+
+
+def test_what_no_gaussian_is_made_of_is_looked_at_where_matter_is(cube):
+    nothing = VaryingMaterial(base=SOFT, columns={"youngs_modulus": np.full(len(cube), np.nan)})
+    everywhere = BoxShape(center=(0, 0, 0.5), half_extents=(1, 1, 1))
+    with pytest.raises(SceneError, match='object "thing": youngs_modulus must be > 0, is nan of Gaussian 0'):
+        assembled(cube, Part(region=everywhere, material=STIFF), material=nothing)
+    ones = np.ones(len(cube), dtype=int)
+    assert assembled(cube, Part(labels=ones, label=1, material=STIFF), material=nothing).problem.materials == (STIFF,)
+
+
 def rows_of(**values):
     table, rows, off = rounded_rows({name: np.asarray(column, dtype=float) for name, column in values.items()}, 50)
     return {name: table[rows, at] for at, name in enumerate(values)}, len(table), off

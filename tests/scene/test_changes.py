@@ -17,6 +17,7 @@ material = "rubber"
 [[object]]
 name = "pot"
 splat = "plant.ply"
+velocity = [0, 0, 1]
 material = { model = "elastic", density = 200, youngs_modulus = 3e4, poissons_ratio = 0.3 }
 [[collider]]
 shape = "plane"
@@ -40,12 +41,17 @@ def test_keys_are_set_by_where_they_stand(load):
         "object.0.height=0.5",
         "collider.height=0.25",
         "object.pot.position=[0, 0, 1]",
+        "object.pot.position.2=0.5",
+        "object.pot.motion={ kind='swing', axis=[1, 0, 0], amplitude=1, frequency=1, pivot=[0, 0, 0] }",
+        "object.pot.motion.schedule=[[0, 0], [1, 3]]",
+        "object.pot.motion.schedule.1.1=2",
         "accuracy.resolution=12",
         "engine.name=reference-mpm",
     )
     assert scene.duration == 2 and scene.accuracy.resolution == 12 and scene.engine.name == "reference-mpm"
     plant, pot = scene.objects
-    assert plant.height == 0.5 and pot.material.youngs_modulus == 1e6 and pot.position == (0, 0, 1)
+    assert plant.height == 0.5 and pot.material.youngs_modulus == 1e6 and pot.position == (0, 0, 0.5)
+    assert pot.motion.schedule == ((0, 0), (1, 2))
     assert pot.material.density == 200
     assert scene.colliders[0].shape.point[2] == 0.25
 
@@ -78,6 +84,9 @@ def test_without_changes_a_scene_is_what_its_file_says(load):
         ("scene.duration=long", "duration"),
         ("scene.duration=1\nframe_rate=3", "duration"),
         ("collider.0=3", "collider are several tables"),
+        ("object.pot.position.2=1", r"position: must be an array of 3 numbers, found a table"),
+        ("object.pot.velocity.3=1", 'there is no object.pot.velocity "3", there are 0, 1, 2'),
+        ("object.pot.velocity.z=1", 'there is no object.pot.velocity "z", there are 0, 1, 2'),
         ("accuracy.resolution=99999999999999999999", "below 2"),
     ],
 )

@@ -161,6 +161,24 @@ def test_a_scene_of_number_1_has_every_vertex_and_64_cells():
             read_stored_scene(f"{broken}\n", file="a.toml")
 
 
+def test_a_scene_of_number_2_may_say_what_means_nothing_today():
+    """How a static object is simulated, which did nothing; and an alpha below 1, which shrank what was at rest."""
+    still = TEXT.replace('name = "a"\n', 'name = "a"\nstatic = true\n').replace("material", "# material")
+    said = 'velocity = [1, 0, 0]\nangular_velocity = [0, 0, 1]\nvertices = 3\nreduction = { mode = "all" }\n'
+    said = still + said + 'region = { shape = "sphere", center = [9, 9, 9], radius = 1 }\n[maps]\nalpha = 0.5\n'
+    plain = read_scene(still, file="a.toml", folder=None)
+    older = read_scene(numbered(said, 2), file="a.toml", folder=None)
+    assert older == dataclasses.replace(plain, maps=MapChoice(alpha=1.0))
+    assert read_stored_scene(numbered(said, 2), file="kept")[0] == older
+    with pytest.raises(SceneError, match=r"object\[0\]\.velocity: .*no meaning with static"):
+        read_scene(said, file="a.toml", folder=None)
+    moving = TEXT + "velocity = [1, 0, 0]\n[maps]\nalpha = 3\n"
+    assert read_scene(numbered(moving, 2), file="a", folder=None) == read_scene(moving, file="a", folder=None)
+    for broken in ("[scene]\nschema = 2\n[maps]\nalpha = []", "maps = 3\nobject = [3]\n[scene]\nschema = 2"):
+        with pytest.raises(SceneError, match=r"a\.toml: "):
+            read_scene(f"{broken}\n", file="a.toml", folder=None)
+
+
 def test_only_what_differs_from_the_defaults_enters_the_digest():
     @dataclasses.dataclass(frozen=True)
     class Before:

@@ -14,6 +14,7 @@ from gasp_core import (
     EngineAccuracy,
     EngineChoice,
     HalfSpace,
+    Part,
     Recording,
     Reduction,
     Scene,
@@ -25,6 +26,8 @@ from gasp_core import (
 from gasp_core.contract import BodyContact, ContactCondition, Precision, Side
 from gasp_core.errors import GaspError, SceneError
 from gasp_core.scene import scene_to_toml
+from gasp_core.scene.file_shapes import MeshShape, SplatShape
+from gasp_core.solid import SolidOptions
 
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
@@ -32,6 +35,10 @@ FLOOR = HalfSpace(point=(0, 0, 0), normal=(0, 0, 1))
 
 def thing(**others) -> SplatObject:
     return SplatObject(**{"name": "thing", "splat": Path("a.ply"), "material": SOFT, **others})
+
+
+def labelled(label) -> Part:
+    return Part(labels=[1, 2], label=label, pinned=True)
 
 
 def scene(**others) -> Scene:
@@ -56,6 +63,16 @@ def scene(**others) -> Scene:
         (lambda: scene(objects=thing()), "Scene.objects must be a tuple of SplatObject, found SplatObject"),
         (lambda: scene(colliders=(thing(),)), "Scene.colliders[0] must be a Collider, found SplatObject"),
         (lambda: EngineChoice(name="a", precision="half"), "EngineChoice.precision must be one of Precision.FLOAT32"),
+        (lambda: Part(component=True, pinned=True), "Part.component must be a whole number from 1 on, found True"),
+        (lambda: Part(component=1.0, pinned=True), "Part.component must be a whole number from 1 on, found 1.0"),
+        (lambda: labelled(np.True_), "Part.label must be a whole number, or an array of them, found "),
+        (lambda: labelled((1, True)), "Part.label must be a whole number, or an array of them, found (1, True)"),
+        (lambda: labelled("12"), "Part.label must be a whole number, or an array of them, found '12'"),
+        (lambda: labelled(()), "Part.label must be a whole number, or an array of them, found ()"),
+        (lambda: Reduction(mode="cores", count=True), "Reduction.count must be a whole number, found True"),
+        (lambda: SolidOptions(cells=32.0), "SolidOptions.cells must be a whole number, found 32.0"),
+        (lambda: MeshShape(file="a.obj", up="z"), "MeshShape.up must be one of +x, -x, +y, -y, +z, -z, found 'z'"),
+        (lambda: SplatShape(file="a.ply", up="z"), "SplatShape.up must be one of +x"),
         (lambda: simulate("cube.toml"), "a Scene is simulated, found 'cube.toml': gasp_core.load_scene reads"),
         (lambda: simulate(scene(), precision="half"), "precision must be one of float32, float64, found 'half'"),
         (lambda: render(scene(), "a.png", size=64), "size must be (width, height) in pixels, found 64"),
@@ -90,6 +107,39 @@ def test_numbers_of_numpy_are_numbers():
     assert type(made.duration) is float and type(made.frame_rate) is int
     assert type(made.objects[0].height) is float
     assert "frame_rate = 25\n" in scene_to_toml(made)
+    for found, wanted in (
+        (Part(component=np.int64(2), pinned=True).component, 2),
+        (labelled(np.int64(-1)).label, -1),
+        (labelled(np.array(7)).label, 7),
+        (labelled([np.uint8(1), 2]).label, (1, 2)),
+        (labelled(np.array([3, 4])).label, (3, 4)),
+        (Reduction(mode="cores", count=np.int64(5), levels=np.int32(2)).count, 5),
+        (SolidOptions(cells=np.int64(32)).cells, 32),
+    ):
+        assert found == wanted
+        assert {type(one) for one in (found if isinstance(found, tuple) else (found,))} == {int}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("velocity", (1, 0, 0)),
+        ("angular_velocity", (0, 0, 1)),
+        ("reduction", Reduction(mode="volume")),
+        ("region", FLOOR),
+        ("vertices", 3),
+        ("material", SOFT),
+        ("parts", (Part(component=1, pinned=True),)),
+    ],
+)
+def test_how_something_is_simulated_means_nothing_of_what_is_not(key, value):
+    with pytest.raises(SceneError, match=rf'SplatObject.{key} of "a" ha(s|ve) no meaning with static: leave one of'):
+        SplatObject(name="a", splat="a.ply", static=True, **{key: value})
+    as_by_default = SplatObject(
+        name="a", splat="a.ply", static=True, velocity=[0, 0, 0], angular_velocity=(0.0, 0, -0.0), reduction=Reduction()
+    )
+    assert as_by_default == SplatObject(name="a", splat="a.ply", static=True)
+    assert scene(objects=(thing(), as_by_default)).with_cores(count=3).objects[1] == as_by_default
 
 
 def test_one_change_is_one_of_several(tmp_path):
