@@ -103,7 +103,9 @@ def pack(
         disk refuses.
     """
     path = Path(path)
-    if recording.frame_count == 0:
+    # Read once: a run that is still going has more in the next moment.
+    count = recording.frame_count
+    if count == 0:
         raise RecordingError(f'{recording.path}: holds no frame yet: go on with "gasp run --resume"')
     if not error > 0:
         raise RecordingError(f"the error allowed is {error:g}: it must be above 0")
@@ -111,18 +113,18 @@ def pack(
     allowed = error * source.diagonal
     quantum = _QUANTUM * allowed
     try:
-        entries, solids = entries_of(colliders, np.arange(recording.frame_count) / recording.header.frame_rate)
+        entries, solids = entries_of(colliders, np.arange(count) / recording.header.frame_rate)
     except ValueError as failure:
         raise RecordingError(f"{path}: {failure}") from failure
     refusal = f"{path}: an error of {error:g} of the diagonal cannot be kept: allow more"
     try:
-        blocks, largest = _frames(source, quantum, allowed, progress)
+        blocks, largest = _frames(source, count, quantum, allowed, progress)
     except ValueError as failure:
         raise RecordingError(f"{refusal} ({failure})") from failure
     if largest > allowed:
         raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
     header = MotionHeader(
-        frames=recording.frame_count,
+        frames=count,
         frames_a_block=_FRAMES_A_BLOCK,
         frame_rate=recording.header.frame_rate,
         origin=tuple(source.origin.tolist()),
@@ -152,7 +154,7 @@ def pack(
     return Packed(
         size=len(stream.getvalue()),
         motion=motion,
-        frames=recording.frame_count,
+        frames=count,
         largest_error=largest,
         allowed_error=allowed,
     )
@@ -272,15 +274,15 @@ def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> Body
 
 
 def _frames(
-    source: _Source, quantum: float, allowed: float, progress: Callable[[], None] | None
+    source: _Source, count: int, quantum: float, allowed: float, progress: Callable[[], None] | None
 ) -> tuple[list[bytes], float]:
-    """The blocks, and the largest error [m]."""
+    """The blocks of so many frames, and the largest error [m]."""
     recording = source.recording
     writers = [FrameWriter() for _ in source.moving]
     flows = {name: FrameWriter() for name in source.flowing}
     blocks: list[bytearray] = []
     largest = 0.0
-    for frame in range(recording.frame_count):
+    for frame in range(count):
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
         relative, shifts = recording.displacements(frame)
