@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from gasp_core import MovingSplat, Recording, read_splat
 from gasp_core.errors import SplatFormatError
 from gasp_core.rendering.footage import open_footage
@@ -136,8 +135,11 @@ def test_export_of_one_frame(gasp, run, workplace):
     [
         (["--frame", "3"], ["scene.gasp", "frames 0 to 2"]),
         (["--frame", "0", "--out", "still.spz", "--format", "ply"], ["still.spz", ".ply", "--format"]),
-        (["--all", "--out", "toy.ply"], ["toy.ply", "choose another --out"]),
-        (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another --out"]),
+        (["--all", "--out", "scene.toml"], ["scene.toml", "choose another place"]),
+        (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another place"]),
+        (["--all", "--out", "film.splat"], ["film.splat is to be a folder", "without .splat", "--format"]),
+        (["--all", "--out", "film.GLB"], ["film.GLB is to be a folder", "without .glb"]),
+        (["--all", "--out", "film.usdc", "--format", "ply"], ["film.usdc is to be a folder"]),
     ],
 )
 def test_export_that_cannot_be(refused, run, arguments, says):

@@ -1,3 +1,4 @@
+import errno
 import sys
 from pathlib import Path
 
@@ -162,6 +163,39 @@ def test_a_folder_of_pictures_replaces_an_older_film_and_nothing_else(tmp_path):
     with pytest.raises(RenderingError, match="holds other things than pictures"):
         written(PictureFolder(folder), [picture(0)])
     assert (folder / "notes.txt").exists() and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_link_to_a_folder_of_pictures_stays_one(tmp_path):
+    folder, link = tmp_path / "frames", tmp_path / "link"
+    link.symlink_to(folder)
+    for count in (5, 2):
+        written(PictureFolder(link), [picture(k) for k in range(count)])
+        assert link.is_symlink() and len(list(folder.iterdir())) == count
+    assert sorted(tmp_path.iterdir()) == [folder, link]
+
+
+def test_pictures_in_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for count in (3, 2):
+        written(open_output(Path(), count=count, frame_rate=25, title="t"), [picture(k) for k in range(count)])
+        assert sorted(path.name for path in Path().iterdir()) == [f"frame_{k:04d}.png" for k in range(count)]
+
+
+def test_where_new_pictures_cannot_come_to_their_place_the_older_ones_stay(tmp_path, monkeypatch):
+    folder = tmp_path / "frames"
+    written(PictureFolder(folder), [picture(k) for k in range(3)])
+    before = everything(tmp_path)
+    replace = Path.replace
+
+    def refusing(path, target):
+        if path.name == "frame_0001.png" and path.parent.name == "made":
+            raise OSError(errno.EIO, "Input/output error")
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", refusing)
+    with pytest.raises(RenderingError, match="no files can be made there"):
+        written(PictureFolder(folder), [picture(k + 5) for k in range(2)])
+    assert everything(tmp_path) == before
 
 
 def test_transparency_is_kept_in_pictures_and_refused_in_films(tmp_path):
