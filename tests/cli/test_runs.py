@@ -10,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flown_water import flown_water
+
 from gasp_core import MovingSplat, Recording, read_splat
 from gasp_core.errors import SplatFormatError
+from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.rendering.footage import open_footage
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
@@ -96,6 +99,17 @@ def test_all_frames_in_one_stage(gasp, run, refused, workplace):
     still = np.array(stage.GetPrimAtPath(f"/splats/{name}").GetAttribute("positions").Get())
     assert stage.GetMetadata("upAxis") == "Y"
     np.testing.assert_allclose(still[:, 1], run.gaussians(2).means[:, 2], rtol=0, atol=1e-6)
+
+
+def test_an_object_that_is_called_as_grains_are_stays_in_its_stage(gasp, workplace):
+    usd = pytest.importorskip("pxr.Usd")
+    recording = flown_water(workplace / "water.gasp", name="grains")
+    assert gasp("export", "water.gasp", "--all", "--as-drawn", "-o", "water.usdc").status == 0
+    stage = usd.Stage.Open("water.usdc")
+    prims = [prim.GetAttribute("positions") for prim in stage.Traverse() if prim.HasAttribute("positions")]
+    drawn, last = DrawnFrames(recording), recording.frame_count - 1
+    counts = [len(positions.Get(usd.TimeCode(last)) or []) for positions in prims]
+    assert counts == [600, len(drawn.splats(last)) - 600] and counts[1] > 0
 
 
 def test_a_run_in_one_file_and_a_film_of_it(gasp, run, refused, workplace):
