@@ -78,6 +78,15 @@ def test_a_gif_goes_on_and_is_no_faster_than_browsers_show_it(tmp_path):
     assert psnr(first, picture(0)) > 20 and psnr(second, picture(4)) > 20 and psnr(first, second) < 15
 
 
+@pytest.mark.parametrize("rate", [50, 51, 60, 74, 124])
+def test_no_gif_is_faster_than_browsers_show_it(tmp_path, rate):
+    written(FilmFile(tmp_path / "film.gif", rate), [picture(k) for k in range(6)])
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == (6 if rate == 50 else 2 if rate == 124 else 3)
+        # In hundredths of a second, the third frame's rounded down or up.
+        assert film.info["duration"] >= 20
+
+
 def test_films_that_can_be_transparent_are(tmp_path):
     import av
 
@@ -123,7 +132,7 @@ def test_sizes_that_video_does_not_know(tmp_path, size):
 
 
 def test_slow_and_odd_frame_rates(tmp_path):
-    for rate in (25 / 4, 29.97, 0.5, 240):
+    for rate in (25 / 4, 29.97, 0.5, 240, 0.4 / 1000, 0.37 / 1000):
         written(FilmFile(tmp_path / "film.mp4", rate), [picture(k) for k in range(3)])
         frames, found, _ = decoded(tmp_path / "film.mp4")
         assert len(frames) == 3 and float(found) == pytest.approx(rate, rel=1e-3)
