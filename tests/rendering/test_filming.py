@@ -380,3 +380,20 @@ def test_a_collider_of_a_file_is_drawn_and_left_out_where_the_file_is_gone(falli
     box.unlink()
     assert SceneFootage(scene, tmp_path).colliders == ()
     assert "collider 1 is not drawn" in caplog.text and "no such file" in caplog.text
+
+
+def test_a_frame_alone_is_seen_from_where_the_film_sees_it(run_of, falling_scene, dots, tmp_path):
+    run = run_of(dataclasses.replace(falling_scene, camera=gasp.CameraChoice(turns=1.0)))
+
+    def rotations(out, **options):
+        dots.cameras.clear()
+        gasp.render(run, tmp_path / out, size=SIZE, colliders=False, **options)
+        return [camera.rotation for camera in dots.cameras if (camera.width, camera.height) == SIZE]
+
+    film = rotations("film")
+    assert len(film) == 7 and np.abs(film[4] - film[0]).max() > 0.5
+    (alone,) = rotations("one.png", frames=[4])
+    np.testing.assert_allclose(alone, film[4], atol=1e-9)
+    # Those of a turntable go around once, whichever they are.
+    around = rotations("around", frames=[2, 4], turntable=True)
+    np.testing.assert_allclose(around[1][2], around[0][2] * [-1, -1, 1], atol=1e-9)
