@@ -18,6 +18,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
+from gasp_core.recording.addresses import local_copy
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.movers import BACKDROP, Movers, size_of
@@ -321,7 +322,7 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
         return SceneFootage(source, Path("scene"))
     if isinstance(source, Gaussians):
         return Still(source, up, Path("gaussians"))
-    path = Path(source)
+    path = local_copy(source)
     if not path.exists():
         raise RecordingError(f"{path}: there is no such recording, scene or splat file")
     if path.suffix == ".gasp" or (path / "zarr.json").exists():

@@ -1,6 +1,7 @@
 import dataclasses
 import json
 
+import flying_points
 import numpy as np
 import pytest
 import trimesh
@@ -397,3 +398,12 @@ def test_a_frame_alone_is_seen_from_where_the_film_sees_it(run_of, falling_scene
     # Those of a turntable go around once, whichever they are.
     around = rotations("around", frames=[2, 4], turntable=True)
     np.testing.assert_allclose(around[1][2], around[0][2] * [-1, -1, 1], atol=1e-9)
+
+
+def test_a_run_at_an_address_is_filmed(run_of, falling_scene, dots, tmp_path, monkeypatch):
+    pytest.importorskip("fsspec")
+    monkeypatch.setenv("GASP_CACHE", str(tmp_path / "cache"))
+    engine = (flying_points.descriptor(), flying_points.Ballistic())
+    gasp.simulate(falling_scene, engine=engine, out="memory://films/run.gasp", frames=2, progress=False)
+    gasp.render("memory://films/run.gasp", tmp_path / "a.png", size=SIZE, frames=[1])
+    assert painted(tmp_path / "a.png").shape == (64, 96, 3)
