@@ -6,6 +6,7 @@ import io
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,7 @@ def pack(
         largest_error=largest,
         alpha=None if source.bounded else recording.header.maps["alpha"],
         bodies=source.headers,
+        objects=source.objects,
         camera=camera,
         colliders=entries,
     )
@@ -179,6 +181,8 @@ class _Source:
         By the names of bodies that may flow, what they come apart into.
     headers, files, moving
         Of every body.
+    objects
+        Of every object its rows of the file, the last not among them.
     """
 
     recording: Recording
@@ -191,6 +195,7 @@ class _Source:
     headers: tuple[BodyHeader, ...]
     files: tuple[dict[str, bytes], ...]
     moving: tuple[MovingBody, ...]
+    objects: tuple[tuple[int, int], ...]
 
     @property
     def bounded(self) -> bool:
@@ -213,9 +218,9 @@ class _Source:
         held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
         flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
         headers, files, moving = [], [], []
-        for body, first, entry in zip(bodies, starts, recording.header.bodies):
+        for body, entry in zip(bodies, recording.header.bodies):
             grains = flowing.get(body.name)
-            header = _header(body, first, entry.drifts, grains)
+            header = _header(body, starts[entry.item], entry.drifts, grains)
             rows = np.searchsorted(body.rows, order[header.first : header.last])
             carrier = body.carrier
             files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
@@ -235,25 +240,26 @@ class _Source:
             diagonal=extent or float(reference.scales[rows].max()),
             flowing=flowing,
             headers=tuple(headers),
+            objects=tuple(pairwise([*starts, len(order)])),
             files=tuple(files),
             moving=tuple(moving),
         )
 
 
 def _order(recording: Recording) -> tuple[Array, list[int]]:
-    """Rows as they lie in the file, and where every body begins there."""
+    """Rows as they lie in the file, and where every object begins there."""
     reference, moving = recording.reference, recording.moving
     parts: list[Array] = []
-    starts: dict[int, int] = {}
+    starts: list[int] = []
     end = 0
-    for number, item in enumerate(recording.header.objects):
+    for item in recording.header.objects:
+        starts.append(end)
         rows = np.arange(item.first, item.last)
         for chosen in (rows[moving[rows]], rows[~moving[rows]]):
             if len(chosen):
-                starts.setdefault(number, end)
                 parts.append(chosen[along_a_curve(reference.means[chosen].astype(np.float64))])
                 end += len(chosen)
-    return np.concatenate(parts), [starts[body.item] for body in recording.header.bodies]
+    return np.concatenate(parts), starts
 
 
 def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> BodyHeader:

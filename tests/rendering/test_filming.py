@@ -407,3 +407,19 @@ def test_a_run_at_an_address_is_filmed(run_of, falling_scene, dots, tmp_path, mo
     gasp.simulate(falling_scene, engine=engine, out="memory://films/run.gasp", frames=2, progress=False)
     gasp.render("memory://films/run.gasp", tmp_path / "a.png", size=SIZE, frames=[1])
     assert painted(tmp_path / "a.png").shape == (64, 96, 3)
+
+
+def test_a_pack_is_framed_as_its_run_is_and_no_backdrop_is_in_the_picture(run_of, falling_scene, cameras_of, tmp_path):
+    (blob,) = falling_scene.objects
+    beside = [
+        dataclasses.replace(blob, name=name, static=True, material=None, height=height, position=(0, away, 0))
+        for name, height, away in (("pot", 0.5, 0.5), ("house", 9.0, 8.0))
+    ]
+    run = run_of(dataclasses.replace(falling_scene, objects=(beside[1], blob, beside[0])))
+    gasp.pack(run, tmp_path / "a.sog")
+    film, packed = RecordedFootage(run), open_footage(tmp_path / "a.sog")
+    assert len(packed.subject(0)) == len(film.subject(0)) == 2 * len(blob.splat)
+    assert packed.in_subject.sum() == film.in_subject.sum()
+    for one, other in zip(cameras_of(film), cameras_of(packed)):
+        # Places of a .sog are of 16 bits of what is there, scales of a codebook.
+        np.testing.assert_allclose(other.position, one.position, atol=0.02)
