@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.endings import SUFFIXES, frames_in, refuse_a_file, refuse_another_ending
 from gasp_core.cli.export_motion import export_motion
 from gasp_core.cli.export_stage import export_stage, is_stage, readable
 from gasp_core.cli.most_memory import most_memory_option
@@ -23,9 +22,7 @@ if TYPE_CHECKING:
     from gasp_core.recording import Recording
     from gasp_core.scene.objects import UpAxis
 
-__all__ = ["SUFFIXES", "export", "export_frames", "leave_out"]
-
-SUFFIXES = {"ply": ".ply", "splat": ".splat", "spz": ".spz", "sog": ".sog", "glb": ".glb", "usd": ".usdc"}
+__all__ = ["export", "export_frames", "leave_out"]
 
 
 @click.command(
@@ -114,7 +111,7 @@ def export(
         if frame >= recording.frame_count:
             raise RecordingError(f"{run}: has frames 0 to {recording.frame_count - 1}, not {frame}")
         path = out if out is not None else Path(f"{stem}_{frame:04d}{SUFFIXES[suffix or 'ply']}")
-        _refuse_another_ending(path, suffix)
+        refuse_another_ending(path, suffix)
         keep_what_is_there([path], overwrite)
         if is_stage(path):
             export_stage(recording, [frame], path, as_drawn=as_drawn, up=up, moves=False)
@@ -128,32 +125,20 @@ def export(
     frames = sorted({*range(recording.frame_count), *recording.torn} - lost)
     if suffix == "usd" or (suffix is None and out is not None and is_stage(out)):
         path = out if out is not None else Path(f"{stem}{SUFFIXES['usd']}")
-        _refuse_another_ending(path, suffix)
+        refuse_another_ending(path, suffix)
         keep_what_is_there([path], overwrite)
         damaged = export_stage(recording, frames, path, as_drawn=as_drawn, up=up, moves=True)
         click.echo(f"{path}: {len(frames) - len(damaged)} frames")
     else:
         folder, ending = out if out is not None else Path(f"{stem}_frames"), SUFFIXES[suffix or "ply"]
+        refuse_a_file(folder)
         read = _read(recording, as_drawn, up, ending)
-        earlier = frames_in(folder, stem=stem, suffix=ending)
-        keep_what_is_there(earlier, overwrite)
+        keep_what_is_there(frames_in(folder, stem=stem, suffix=ending), overwrite)
         paths, damaged = export_frames(read, frames, folder, stem=stem, suffix=ending)
-        for path in set(earlier) - set(paths):
-            # Of a longer run: it would be taken for the end of this one.
-            path.unlink()
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
     if lost:
         damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")
     leave_out(damaged)
-
-
-def _refuse_another_ending(path: Path, suffix: str | None) -> None:
-    """Refuse a name that does not end as the format wants it."""
-    from gasp_core.io.usd import USD_SUFFIXES
-
-    allowed = {None: (path.suffix.lower(),), "usd": USD_SUFFIXES}.get(suffix) or (SUFFIXES[str(suffix)],)
-    if path.suffix.lower() not in allowed:
-        raise click.UsageError(f"--out {path} does not end in {allowed[0]}, as --format {suffix} wants it")
 
 
 def _read(recording: Recording, as_drawn: bool, up: UpAxis | None, suffix: str) -> Callable[[int], Gaussians]:
@@ -175,8 +160,8 @@ def export_frames(
 ) -> tuple[list[Path], list[str]]:
     """Write frames, which `read` reads, as files ``stem_0000.suffix`` into a folder, which is made.
 
-    Frames that are damaged are left out. Where a file cannot be written, those before it are taken away again: half a
-    film under the names of a whole one misleads.
+    Frames that are damaged are left out. All come together, in place of those that were there: half a film under the
+    names of a whole one misleads.
 
     Returns
     -------
@@ -189,33 +174,17 @@ def export_frames(
         Where the folder cannot be made, no frame can be read, or a file cannot be written.
     """
     from gasp_core.io import write_splat
+    from gasp_core.io.file_sets import coming_together
 
-    made_folder = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be made a folder ({error.strerror}): choose another --out") from error
     paths: list[Path] = []
     damaged: list[str] = []
-    try:
+    earlier = frames_in(folder, stem=stem, suffix=suffix)
+    with coming_together(folder, earlier, refused=RecordingError) as making:
         for frame, gaussians in readable(read, frames, damaged):
-            path = folder / f"{stem}_{frame:04d}{suffix}"
-            write_splat(path, gaussians)
-            paths.append(path)
-    except BaseException:
-        for path in paths:
-            path.unlink(missing_ok=True)
-        if made_folder:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-        raise
+            name = f"{stem}_{frame:04d}{suffix}"
+            write_splat(making / name, gaussians)
+            paths.append(folder / name)
     return paths, damaged
-
-
-def frames_in(folder: Path, *, stem: str, suffix: str) -> list[Path]:
-    """What `export_frames` has written into a folder under these names."""
-    name = re.compile(rf"{re.escape(stem)}_[0-9]{{4,}}{re.escape(suffix)}")
-    return [path for path in sorted(folder.glob("*")) if name.fullmatch(path.name)]
 
 
 def leave_out(damaged: Sequence[str]) -> None:

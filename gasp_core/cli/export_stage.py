@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["export_stage", "is_stage", "readable"]
 
 _GRAINS = "grains"
+"""What the grains of all objects are called, unless an object is."""
 
 
 def readable(
@@ -88,5 +89,9 @@ def export_stage(
 
 def _by_object(recording: Recording, gaussians: Gaussians) -> dict[str, Gaussians]:
     runs = [(item.name, item.first, item.last) for item in recording.header.objects]
-    runs.append((_GRAINS, max(last for _, _, last in runs), len(gaussians)))
+    own = {name for name, _, _ in runs}
+    grains = _GRAINS
+    while grains in own:
+        grains += "_"
+    runs.append((grains, max(last for _, _, last in runs), len(gaussians)))
     return {name: gaussians.select(np.arange(first, last)) for name, first, last in runs if last > first}

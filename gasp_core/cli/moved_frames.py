@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gasp_core.cli.export import SUFFIXES
+from gasp_core.cli.endings import SUFFIXES, frames_in, refuse_a_file, refuse_another_ending
 from gasp_core.cli.overwriting import keep_what_is_there
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _FORMATS = [name for name in SUFFIXES if name != "usd"]
 
 def paths_of_frames(
     splat: Path, frames: Mapping[Path, Sized], given: int, out: Path | None, suffix: str | None, overwrite: bool
-) -> list[Path]:
+) -> tuple[list[Path], list[Path]]:
     """Where each frame goes: named after what it was read from, one alone as `out` says.
 
     Parameters
@@ -33,10 +33,15 @@ def paths_of_frames(
     given, out, suffix, overwrite
         As on the command line.
 
+    Returns
+    -------
+    paths, earlier
+        Of the frames, and of those of an earlier motion, which go when these come.
+
     Raises
     ------
     click.UsageError
-        Where two would have one name.
+        Where two would have one name, or `out` is none for them.
     """
     ending = SUFFIXES[suffix or "ply"]
     names = [
@@ -44,35 +49,51 @@ def paths_of_frames(
         for path, each in frames.items()
         for k in range(len(each))
     ]
+    earlier: list[Path] = []
     if len(names) == 1 and (out is None or out.suffix):
         paths = [out if out is not None else Path(f"{splat.stem}_moved{ending}")]
+        refuse_another_ending(paths[0], suffix)
     else:
         folder = out if out is not None else Path(f"{splat.stem}_moved")
+        refuse_a_file(folder)
         paths = [folder / f"{name}{ending}" for name in names]
+        # No other file has more frames than one.
+        motions = [path.stem for path in frames if path.suffix.lower() == ".npy"]
+        earlier = [path for stem in motions for path in frames_in(folder, stem=stem, suffix=ending)]
     if len(set(paths)) < len(names) or len(frames) < given:
         raise click.UsageError("two of MOVED have one name: their frames would have too")
-    keep_what_is_there(paths, overwrite)
-    return paths
+    keep_what_is_there([*paths, *earlier], overwrite)
+    return paths, earlier
 
 
-def write_frames(paths: list[Path], splats: Iterable[Gaussians]) -> None:
-    """Write them, and say where they are."""
+def write_frames(paths: list[Path], earlier: list[Path], splats: Iterable[Gaussians]) -> None:
+    """Write them, in place of those of an earlier motion, and say where they are."""
     from gasp_core.io import write_splat
+    from gasp_core.io.file_sets import coming_together
     from gasp_core.progress import counting
 
-    with counting(None, "frames", len(paths)) as done:
-        for path, splat in zip(paths, splats):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_splat(path, splat)
-            done()
+    if len(paths) == 1 and not earlier:
+        paths[0].parent.mkdir(parents=True, exist_ok=True)
+        write_splat(paths[0], *splats)
+        click.echo(paths[0])
+        return
     first, last = paths[0], paths[-1]
-    click.echo(f"{first.parent}: {len(paths)} files, {first.name} to {last.name}" if len(paths) > 1 else str(first))
+    with counting(None, "frames", len(paths)) as done, coming_together(first.parent, earlier) as making:
+        for path, splat in zip(paths, splats):
+            write_splat(making / path.name, splat)
+            done()
+    click.echo(f"{first.parent}: {len(paths)} files, {first.name} to {last.name}")
 
 
 def frame_options(command: Any) -> Any:
     """The options --out and --format."""
     for option in (
-        click.option("--format", "suffix", type=click.Choice(_FORMATS), help="[default: ply]"),
+        click.option(
+            "--format",
+            "suffix",
+            type=click.Choice(_FORMATS),
+            help="[default: as --out ends for one frame, else ply]",
+        ),
         click.option(
             "--out",
             "-o",

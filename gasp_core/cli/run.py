@@ -136,8 +136,9 @@ def run(
     if dry_run and (resume or frames is not None):
         raise click.UsageError("--dry-run is about the whole run: leave --resume and --frames out")
     from gasp_core import simulate
+    from gasp_core.recording.address_names import address_of, path_here
 
-    folder = out if out is not None else Path(scene.stem + ".gasp")
+    folder = path_here(out) if out is not None else Path(scene.stem + ".gasp")
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]
     command += settings.words()
     if isolate:
@@ -164,7 +165,7 @@ def run(
             print_estimate(found, loaded, filmed=bool(films))
         return
     keep_what_is_there(named_films, replaced, "--render")
-    from gasp_core.recording.addresses import address_of, made_here
+    from gasp_core.recording.addresses import made_here
 
     address = address_of(folder)
     # Whoever looks at it while it is made looks at what is on this machine.

@@ -19,9 +19,9 @@ class RunPath(click.Path):
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path of what is on this machine, fetched where it was not."""
-        from gasp_core.recording.addresses import address_of, local_copy
+        from gasp_core.recording.addresses import local_copy
 
-        return super().convert(value, param, ctx) if address_of(str(value)) is None else local_copy(str(value))
+        return super().convert(local_copy(os.fspath(value)), param, ctx)
 
 
 class _Address(click.ParamType[str]):

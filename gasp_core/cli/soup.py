@@ -102,5 +102,5 @@ def import_soup(
 
     gaussians, known = read_splat(splat), read_soup(exported)
     frames = {path: read_positions(path, known) for path in moved}
-    paths = paths_of_frames(splat, frames, len(moved), out, suffix, overwrite)
-    write_frames(paths, (splat_of(known, gaussians, each) for found in frames.values() for each in found))
+    paths, earlier = paths_of_frames(splat, frames, len(moved), out, suffix, overwrite)
+    write_frames(paths, earlier, (splat_of(known, gaussians, each) for found in frames.values() for each in found))

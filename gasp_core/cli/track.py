@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gasp_core.cli.export import SUFFIXES
+from gasp_core.cli.endings import SUFFIXES, refuse_a_file
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json, print_table
 
@@ -70,11 +70,15 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
     """
     from gasp_core.dynamics.frame_sequence import frame_files
     from gasp_core.io import read_splat, write_splat
-    from gasp_core.processes.scratch import scratch_folder
+    from gasp_core.io.file_sets import coming_together
     from gasp_core.progress import counting
     from gasp_core.tracking import Tracker
 
     files = frame_files(folder)
+    if len(files) == 1:
+        raise click.UsageError(
+            f"{folder}: has one frame, {files[0].name}: there is nothing to track, add those after it"
+        )
     target = folder.resolve().with_name(f"{folder.resolve().name}_tracked") if out is None else out
     names = _names(files, SUFFIXES[suffix])
     _refuse_target(target, folder, names, overwrite)
@@ -82,7 +86,7 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
     tracker = Tracker(first, nodes=nodes)
     found: list[tuple[str, Tracked]] = []
     # Half of the frames would look like all of a shorter motion: they come to their place together.
-    with scratch_folder(".gasp-track-", target.resolve().parent) as making:
+    with coming_together(target) as making:
         write_splat(making / names[0], first)
         with counting(False if as_json else None, "frames", len(files) - 1) as done:
             for file, name in zip(files[1:], names[1:]):
@@ -90,9 +94,6 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
                 write_splat(making / name, tracked.gaussians)
                 found.append((file.name, tracked))
                 done()
-        target.mkdir(exist_ok=True)
-        for name in names:
-            (making / name).replace(target / name)
     if as_json:
         frames = [
             {"file": name, "distance": each.distance, "spacing": each.spacing, "unseen": each.unseen}
@@ -118,14 +119,18 @@ def _names(files: list[Path], suffix: str) -> list[str]:
 
 def _refuse_target(target: Path, folder: Path, names: list[str], overwrite: bool) -> None:
     """Refuse a folder that would hold something else beside the frames, or be held by those that are read."""
+    from gasp_core.io.file_sets import is_in_the_making
+
     if target.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(
             f"{target}: holds the frames themselves, or lies among them: name another folder (--out)"
         )
     if not target.resolve().parent.is_dir() or (target.exists() and not target.is_dir()):
         raise click.UsageError(f"{target}: no folder can be made there: name another one (--out)")
+    refuse_a_file(target)
     keep_what_is_there([target], overwrite)
-    others = sorted({entry.name for entry in target.iterdir()} - set(names)) if target.is_dir() else []
+    there = target.iterdir() if target.is_dir() else ()
+    others = sorted({entry.name for entry in there if not is_in_the_making(entry)} - set(names))
     if others:
         raise click.UsageError(
             f"{target}: holds {others[0]} too, which would be played with the frames: name another folder (--out)"

@@ -45,6 +45,8 @@ class GrainState:
     opacities : (G,)
     colours : (G, 3)
         Constant coefficients in the 3DGS basis.
+    points : (G,)
+        The point that each is about.
     """
 
     left: Array
@@ -52,6 +54,7 @@ class GrainState:
     scales: Array
     opacities: Array
     colours: Array
+    points: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +80,11 @@ class PackedGrains:
     opacities: Array
     scale: float
     labels: Array
+
+    @property
+    def most(self) -> int:
+        """How many there are when all has flowed."""
+        return self.offsets.shape[0] * self.offsets.shape[1]
 
     @staticmethod
     def files_of(grains: Grains) -> dict[str, bytes]:
@@ -149,4 +157,5 @@ class PackedGrains:
             scales=self.scale * np.repeat(wider, count),
             opacities=np.repeat(self.opacities[chosen] * share[chosen], count),
             colours=np.repeat(colour_to_dc(self.colours[chosen]), count, axis=0),
+            points=np.repeat(chosen, count),
         )

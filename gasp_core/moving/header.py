@@ -23,6 +23,7 @@ VERSION = 1
 _FREE = "free"
 _MOST_FRAMES = 10**6
 _MOST_BODIES = 1000
+_MOST_OBJECTS = 10_000
 _MOST_FRAMES_A_BLOCK = 1000
 _MOST_GRAINS = 64
 
@@ -84,6 +85,9 @@ class MotionHeader:
         How much no Gaussian is stretched, see `gasp_core.control`; None: no bound.
     bodies
         In the order of their rows.
+    objects
+        Of every object its rows of the splat, the last not among them, those too that do not move; empty where a file
+        does not say it.
     camera, colliders
         What a player begins with, and what is solid; for whom it may concern.
     """
@@ -96,12 +100,16 @@ class MotionHeader:
     largest_error: float
     alpha: float | None
     bodies: tuple[BodyHeader, ...]
+    objects: tuple[tuple[int, int], ...] = ()
     camera: Mapping[str, Any] | None = None
     colliders: Sequence[Mapping[str, Any]] = ()
 
     def encoded(self) -> bytes:
         """As JSON."""
-        fields: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "bodies"}
+        fields: dict[str, Any] = {
+            name: getattr(self, name) for name in self.__slots__ if name not in ("bodies", "objects")
+        }
+        fields["objects"] = [{"first": first, "last": last} for first, last in self.objects]
         bodies = [{name: getattr(body, name) for name in body.__slots__} for body in self.bodies]
         told = {"format": FORMAT, "version": VERSION, **fields, "bodies": bodies}
         return json.dumps(told, allow_nan=False, indent=1).encode()
@@ -135,6 +143,7 @@ class MotionHeader:
             # Below 1 as in `recorded_maps`.
             alpha=None if meta.entries.get("alpha") is None else max(_positive(meta, "alpha"), 1.0),
             bodies=tuple(_body(body) for body in bodies[:_MOST_BODIES]),
+            objects=_objects(meta),
             camera=None if meta.entries.get("camera") is None else meta.inner("camera").entries,
             colliders=tuple(one.entries for one in colliders),
         )
@@ -162,6 +171,18 @@ def _body(meta: Meta) -> BodyHeader:
         grains=grains,
         grain_scale=_positive(meta, "grain_scale") if grains else 0.0,
     )
+
+
+def _objects(meta: Meta) -> tuple[tuple[int, int], ...]:
+    found = (
+        [(one.integer("first"), one.integer("last")) for one in meta.objects("objects")]
+        if "objects" in meta.entries
+        else []
+    )
+    ends = [0, *(end for rows in found for end in rows)]
+    if ends != sorted(ends) or len(found) > _MOST_OBJECTS:
+        raise meta.wrong("objects", "objects that lie one behind the other")
+    return tuple(found)
 
 
 def _within(meta: Meta, name: str, low: int, high: int) -> int:

@@ -6,6 +6,7 @@ import io
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,9 @@ def pack(
         disk refuses.
     """
     path = Path(path)
-    if recording.frame_count == 0:
+    # Read once: a run that is still going has more in the next moment.
+    count = recording.frame_count
+    if count == 0:
         raise RecordingError(f'{recording.path}: holds no frame yet: go on with "gasp run --resume"')
     if not error > 0:
         raise RecordingError(f"the error allowed is {error:g}: it must be above 0")
@@ -112,18 +115,18 @@ def pack(
     allowed = error * source.diagonal
     quantum = _QUANTUM * allowed
     try:
-        entries, solids = entries_of(colliders, np.arange(recording.frame_count) / recording.header.frame_rate)
+        entries, solids = entries_of(colliders, np.arange(count) / recording.header.frame_rate)
     except ValueError as failure:
         raise RecordingError(f"{path}: {failure}") from failure
     refusal = f"{path}: an error of {error:g} of the diagonal cannot be kept: allow more"
     try:
-        blocks, largest = _frames(source, quantum, allowed, progress)
+        blocks, largest = _frames(source, count, quantum, allowed, progress)
     except ValueError as failure:
         raise RecordingError(f"{refusal} ({failure})") from failure
     if largest > allowed:
         raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
     header = MotionHeader(
-        frames=recording.frame_count,
+        frames=count,
         frames_a_block=_FRAMES_A_BLOCK,
         frame_rate=recording.header.frame_rate,
         origin=tuple(source.origin.tolist()),
@@ -131,6 +134,7 @@ def pack(
         largest_error=largest,
         alpha=None if source.bounded else map_record(recorded_maps(recording.header.maps))["alpha"],
         bodies=source.headers,
+        objects=source.objects,
         camera=camera,
         colliders=entries,
     )
@@ -153,7 +157,7 @@ def pack(
     return Packed(
         size=len(stream.getvalue()),
         motion=motion,
-        frames=recording.frame_count,
+        frames=count,
         largest_error=largest,
         allowed_error=allowed,
     )
@@ -178,6 +182,8 @@ class _Source:
         By the names of bodies that may flow, what they come apart into.
     headers, files, moving
         Of every body.
+    objects
+        Of every object its rows of the file, the last not among them.
     """
 
     recording: Recording
@@ -190,6 +196,7 @@ class _Source:
     headers: tuple[BodyHeader, ...]
     files: tuple[dict[str, bytes], ...]
     moving: tuple[MovingBody, ...]
+    objects: tuple[tuple[int, int], ...]
 
     @property
     def bounded(self) -> bool:
@@ -212,9 +219,9 @@ class _Source:
         held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
         flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
         headers, files, moving = [], [], []
-        for body, first, entry in zip(bodies, starts, recording.header.bodies):
+        for body, entry in zip(bodies, recording.header.bodies):
             grains = flowing.get(body.name)
-            header = _header(body, first, entry.drifts, grains)
+            header = _header(body, starts[entry.item], entry.drifts, grains)
             rows = np.searchsorted(body.rows, order[header.first : header.last])
             carrier = body.carrier
             files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
@@ -234,25 +241,26 @@ class _Source:
             diagonal=extent or float(reference.scales[rows].max()),
             flowing=flowing,
             headers=tuple(headers),
+            objects=tuple(pairwise([*starts, len(order)])),
             files=tuple(files),
             moving=tuple(moving),
         )
 
 
 def _order(recording: Recording) -> tuple[Array, list[int]]:
-    """Rows as they lie in the file, and where every body begins there."""
+    """Rows as they lie in the file, and where every object begins there."""
     reference, moving = recording.reference, recording.moving
     parts: list[Array] = []
-    starts: dict[int, int] = {}
+    starts: list[int] = []
     end = 0
-    for number, item in enumerate(recording.header.objects):
+    for item in recording.header.objects:
+        starts.append(end)
         rows = np.arange(item.first, item.last)
         for chosen in (rows[moving[rows]], rows[~moving[rows]]):
             if len(chosen):
-                starts.setdefault(number, end)
                 parts.append(chosen[along_a_curve(reference.means[chosen].astype(np.float64))])
                 end += len(chosen)
-    return np.concatenate(parts), [starts[body.item] for body in recording.header.bodies]
+    return np.concatenate(parts), starts
 
 
 def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> BodyHeader:
@@ -273,15 +281,15 @@ def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> Body
 
 
 def _frames(
-    source: _Source, quantum: float, allowed: float, progress: Callable[[], None] | None
+    source: _Source, count: int, quantum: float, allowed: float, progress: Callable[[], None] | None
 ) -> tuple[list[bytes], float]:
-    """The blocks, and the largest error [m]."""
+    """The blocks of so many frames, and the largest error [m]."""
     recording = source.recording
     writers = [FrameWriter() for _ in source.moving]
     flows = {name: FrameWriter() for name in source.flowing}
     blocks: list[bytearray] = []
     largest = 0.0
-    for frame in range(recording.frame_count):
+    for frame in range(count):
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
         relative, shifts = recording.displacements(frame)

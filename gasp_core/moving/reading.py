@@ -7,6 +7,7 @@ import struct
 import zipfile
 import zlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,9 @@ from gasp_core.moving.frames import FrameReader, decoded_corrections
 from gasp_core.moving.grains import GrainState, PackedGrains
 from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.solids import solids_of
+from gasp_core.recording.drawn import Drawn
 from gasp_core.reduction.bodies import shapes
+from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.render_input import RenderInput
 from gasp_core.scene.placement import Placement, place, upright
 from gasp_core.scene.settings import MapChoice
@@ -95,7 +98,7 @@ class MovingSplat:
             raise RecordingError(f"{path}: has no {HEADER}: it is no moving splat; gasp pack makes one of a run")
         splat, _ = read_sog_zip(data, path)
         header = MotionHeader.of(_fetch(archive, HEADER, _LONGEST_HEADER, path), path)
-        if header.bodies[-1].last > len(splat):
+        if max(last for last in [header.bodies[-1].last, *(last for _, last in header.objects)]) > len(splat):
             raise RecordingError(f"{path}: moves Gaussians that it does not have: {HEADER} is damaged")
         return cls(path, archive, header, splat)
 
@@ -156,10 +159,20 @@ class MovingSplat:
 
     def drawn(self, frame: int) -> RenderInput:
         """As `splats`, with what has flowed as grains, which come behind the Gaussians of the file."""
+        return self.at(frame).splats
+
+    @property
+    def most_grains(self) -> int:
+        """How many grains a frame may have."""
+        return sum(grains.most for grains in self._grains if grains is not None)
+
+    def at(self, frame: int) -> Drawn:
+        """What is drawn in a frame, and the Gaussians whose colours it has: of a grain the one nearest to its point."""
         splats = self.splats(frame)
         opacities = splats.opacities.astype(np.float64)
         states: list[GrainState] = []
-        for body, grains, own in zip(self._bodies, self._grains, self._at[1]):
+        sources = [np.arange(len(splats))]
+        for number, (body, grains, own) in enumerate(zip(self._bodies, self._grains, self._at[1])):
             if grains is None or own.flow is None:
                 continue
             assert isinstance(body, CarriedBody)
@@ -170,14 +183,31 @@ class MovingSplat:
                 raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
             opacities[body.rows] *= state.left
             states.append(state)
+            sources.append(body.rows[self._nearest[number][state.points]])
         if not states:
-            return splats
-        return replace(splats, opacities=opacities).with_round(
+            return Drawn(splats=splats, sources=sources[0])
+        drawn = replace(splats, opacities=opacities).with_round(
             np.concatenate([state.means for state in states]),
             np.concatenate([state.scales for state in states]),
             np.concatenate([state.opacities for state in states]),
             np.concatenate([state.colours for state in states]),
         )
+        return Drawn(splats=drawn, sources=np.concatenate(sources))
+
+    @cached_property
+    def _nearest(self) -> list[Array]:
+        """Of every body that may flow the Gaussian nearest to each of its points, at rest."""
+        from scipy.spatial import KDTree
+
+        found: list[Array] = []
+        for body, grains in zip(self._bodies, self._grains):
+            if grains is None:
+                found.append(np.zeros(0, dtype=np.int64))
+                continue
+            assert isinstance(body, CarriedBody) and isinstance(body.carrier, PointFrames)
+            tree: Any = KDTree(body.rest[:, 0])
+            found.append(np.asarray(tree.query(body.carrier.points)[1]))
+        return found
 
     def _moved(self, frame: int) -> tuple[Gaussians, Array | None]:
         means, quaternions, scales = (

@@ -23,12 +23,12 @@ from gasp_core.errors import RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.io.cache_folders import cache_folder
 from gasp_core.processes.scratch import MARK
+from gasp_core.recording.address_names import address_of, path_here
 from gasp_core.recording.layout import FILES
 from gasp_core.recording.ssh_hosts import PROTOCOLS, ssh_files
 
 __all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
 
-_ADDRESS = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?!/)(.+)", re.DOTALL)
 _PASSWORD = re.compile(r"([^:/]+:/{1,2}[^/@:]*):[^/]*@")
 _TAGS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created", "updated")
 """Under which file systems say that a file is another one than before."""
@@ -41,17 +41,6 @@ _ATTEMPTS, _PAUSE = 3, 1.0
 """Times that something is tried, and seconds between the first two of them; then twice as many."""
 
 
-def address_of(path: str | Path) -> str | None:
-    """The address that a path stands for, ``s3://bucket/run.gasp``; None where it is one of this machine.
-
-    A `Path` has lost one of the slashes.
-    """
-    found = _ADDRESS.fullmatch(str(path))
-    if found is None or found[1] in ("file", "local"):
-        return None
-    return f"{found[1]}://{found[2].rstrip('/')}"
-
-
 def local_copy(path: str | Path) -> Path:
     """Where a recording lies on this machine: of one at an address, its copy, which is brought up to date.
 
@@ -61,7 +50,7 @@ def local_copy(path: str | Path) -> Path:
         Where there is none, or it cannot be read.
     """
     address = address_of(path)
-    return Path(path) if address is None else Mirror(address).fetched()
+    return path_here(path) if address is None else Mirror(address).fetched()
 
 
 def made_here(address: str) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from gasp_core.contract import KeyframedMotion
 from gasp_core.errors import RecordingError
-
-if TYPE_CHECKING:
-    from gasp_core.recording.reader import Recording
+from gasp_core.recording.places import places_at, places_at_start
+from gasp_core.recording.reader import Recording
 
 __all__ = ["RigidFit", "rigid_fit"]
 
@@ -33,7 +32,7 @@ class RigidFit:
     times : (F,) [s]
         Of the frames that are there.
     center : (3,) [m]
-        c, the mean of the body's points at the start.
+        c, the mean of the body's points at the start; of one that moves by itself as well, of its Gaussians.
     places : (F, 3) [m]
         p, that mean in each frame.
     quaternions : (F, 4)
@@ -62,33 +61,31 @@ class RigidFit:
 def rigid_fit(recording: Recording, name: str) -> RigidFit:
     """The rigid motion nearest to a body's points in the sense of least squares (Kabsch 1976), in every frame there is.
 
+    Of what moves by itself as well (`Motion`), points are without that: then to its Gaussians, which is what is seen.
+
     Raises
     ------
     RecordingError
         Where no object of that name moves, its points lie on a line, or a frame is damaged.
     """
-    entries = {recording.header.objects[entry.item].name: (i, entry) for i, entry in enumerate(recording.header.bodies)}
-    if name not in entries:
-        moving = ", ".join(entries) or "none"
+    starts = places_at_start(recording)
+    if name not in starts:
+        moving = ", ".join(starts) or "none"
         raise RecordingError(f'{recording.path}: nothing of the name "{name}" moves; what moves: {moving}')
-    index, entry = entries[name]
-    start = recording.start_points[entry.first : entry.last]
-    center = start.mean(0)
-    arms = start - center
+    center = starts[name].mean(0)
+    arms = starts[name] - center
     extents = np.linalg.svd(arms, compute_uv=False)
     if len(extents) < 2 or not extents[1] > _THIN * extents[0]:
         raise RecordingError(f'{recording.path}: the points of "{name}" lie on a line, which shows no turn about it')
     frames = sorted({*range(recording.frame_count)} - set(recording.lost))
     places, quaternions, residuals = np.empty((len(frames), 3)), np.empty((len(frames), 4)), np.empty(len(frames))
     for row, frame in enumerate(frames):
-        relative, means = recording.displacements(frame)
-        moved = arms + relative[entry.first : entry.last]
-        mean = moved.mean(0)
+        moved = places_at(recording, frame)[name]
+        places[row] = moved.mean(0)
         with warnings.catch_warnings():
             # Of what is crushed to a line in some frame.
             warnings.simplefilter("ignore", UserWarning)
-            turn, distance = Rotation.align_vectors(moved - mean, arms)[:2]
-        places[row] = center + mean + means[index]
+            turn, distance = Rotation.align_vectors(moved - places[row], arms)[:2]
         quaternions[row] = np.roll(turn.as_quat(), 1)
         if quaternions[row] @ (quaternions[row - 1] if row else (1.0, 0.0, 0.0, 0.0)) < 0:
             quaternions[row] *= -1

@@ -121,6 +121,8 @@ def render(
         motion=motion,
         subject=footage.subject,
         numbers=chosen,
+        # A frame alone is seen as it is in the film of all.
+        shares=None if turntable else [number / count for number in chosen],
         renderer=painting,
         width=width,
         height=height,

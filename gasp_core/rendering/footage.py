@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -18,9 +17,10 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
 from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
+from gasp_core.recording.addresses import local_copy
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.render_input import RenderInput
-from gasp_core.rendering.movers import BACKDROP, Movers, size_of
+from gasp_core.rendering.movers import BACKDROP, Movers, in_subject, size_of
 from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
 from gasp_core.scene.file_shapes import SplatShape, resolved
 from gasp_core.scene.loading import load_scene
@@ -171,7 +171,7 @@ class RecordedFootage:
         """
         simulated = {body.item for body in self.recording.header.bodies}
         rows = [slice(entry.first, entry.last) for entry in self.recording.header.objects]
-        return _in_subject(self.recording.reference.means, rows, [item in simulated for item in range(len(rows))])
+        return in_subject(self.recording.reference.means, rows, [item in simulated for item in range(len(rows))])
 
     def placement(self, name: str | None) -> Placement:
         """How an object's file was put into the world."""
@@ -289,7 +289,7 @@ class SceneFootage:
         rows = [slice(end - len(one.gaussians), end) for end, one in zip(ends, self._placed.objects)]
         floating = np.concatenate([one.floating for one in self._placed.objects])
         moving = [not item.static for item in self.scene.objects]
-        return _in_subject(self._gaussians.means, rows, moving) & ~floating
+        return in_subject(self._gaussians.means, rows, moving) & ~floating
 
     def placement(self, name: str | None) -> Placement:
         """How an object's file was put into the world."""
@@ -305,8 +305,8 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
     Parameters
     ----------
     source
-        A folder that gasp run wrote, what gasp pack made of it, a scene file (.toml), or a splat file (or folder, for
-        unpacked .sog); or what is read from one of these.
+        A folder that gasp run wrote, or its address, what gasp pack made of it, a scene file (.toml), or a splat file
+        (or folder, for unpacked .sog); or what is read from one of these.
     up
         A splat file's axis that points up.
 
@@ -321,7 +321,7 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
         return SceneFootage(source, Path("scene"))
     if isinstance(source, Gaussians):
         return Still(source, up, Path("gaussians"))
-    path = Path(source)
+    path = local_copy(source)
     if not path.exists():
         raise RecordingError(f"{path}: there is no such recording, scene or splat file")
     if path.suffix == ".gasp" or (path / "zarr.json").exists():
@@ -351,14 +351,3 @@ def _drawable(scene: Scene) -> tuple[Collider, ...]:
 
 def _placed(one: SplatObject | SplatShape) -> tuple[Any, ...]:
     return tuple(getattr(one, name) for name in _PLACED)
-
-
-def _in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) -> Array:
-    """Mask (N,) of Gaussians without those of objects that stand still and are much larger than all that moves."""
-    chosen = np.ones(len(means), dtype=bool)
-    moved = [means[rows] for rows, moves in zip(objects, moving) if moves]
-    if moved:
-        size = size_of(np.concatenate(moved))
-        for rows, moves in zip(objects, moving):
-            chosen[rows] = moves or size_of(means[rows]) <= BACKDROP * size
-    return chosen

@@ -1,4 +1,4 @@
-"""Colliders that move, as something to be in the picture: dots on their surface, which are measured and never drawn."""
+"""What is to be in the picture: all but a backdrop, and colliders that move, as dots that are never drawn."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gasp_core.render_input import RenderInput
 from gasp_core.scene.placement import robust_box
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["BACKDROP", "Movers", "size_of"]
+__all__ = ["BACKDROP", "Movers", "in_subject", "size_of"]
 
 Array = NDArray[Any]
 
@@ -82,6 +82,17 @@ def size_of(means: Array) -> float:
         return 0.0
     lower, upper = robust_box(means)
     return float(np.linalg.norm(upper - lower))
+
+
+def in_subject(means: Array, objects: Sequence[slice], moving: Sequence[bool]) -> Array:
+    """Mask (N,) of Gaussians without those of objects that stand still and are much larger than all that moves."""
+    chosen = np.ones(len(means), dtype=bool)
+    moved = [means[rows] for rows, moves in zip(objects, moving) if moves]
+    if moved:
+        size = size_of(np.concatenate(moved))
+        for rows, moves in zip(objects, moving):
+            chosen[rows] = moves or size_of(means[rows]) <= BACKDROP * size
+    return chosen
 
 
 def _surface(shape: object) -> Array | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import shutil
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import RenderingError
 from gasp_core.io.atomic import replacing
+from gasp_core.io.file_sets import coming_together, is_in_the_making
 
 if TYPE_CHECKING:
     from typing import Self
@@ -79,19 +79,17 @@ class PictureFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        self._making = path
+        self._together = ExitStack()
         self._count = 0
 
     def __enter__(self) -> Self:
-        """Make a folder beside the final one."""
-        if self.path.is_dir() and any(not _is_picture(entry) for entry in self.path.iterdir()):
+        """Make a place for them beside what is there."""
+        there = list(self.path.iterdir()) if self.path.is_dir() else []
+        earlier = [entry for entry in there if _is_picture(entry)]
+        if any(not is_in_the_making(entry) for entry in there if entry not in earlier):
             raise RenderingError(f"{self.path}: holds other things than pictures of a film: name another folder")
-        try:
-            self._beside.mkdir(parents=True)
-        except OSError as error:
-            raise RenderingError(
-                f"{self.path}: cannot be made a folder ({error.strerror}): choose another place"
-            ) from None
+        self._making = self._together.enter_context(coming_together(self.path, earlier, refused=RenderingError))
         return self
 
     def wants(self, index: int) -> bool:
@@ -100,22 +98,14 @@ class PictureFolder:
 
     def take(self, picture: Array, time: float) -> None:
         """Write the next picture."""
-        write_png(self._beside / f"frame_{self._count:04d}.png", picture)
+        write_png(self._making / f"frame_{self._count:04d}.png", picture)
         self._count += 1
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give the folder its name, in place of an older one."""
-        try:
-            if error is None:
-                if self.path.is_dir():
-                    for entry in self.path.iterdir():
-                        entry.unlink()
-                    self.path.rmdir()
-                self._beside.rename(self.path)
-        finally:
-            shutil.rmtree(self._beside, ignore_errors=True)
+        """Put them in their folder, in place of an older film."""
+        self._together.__exit__(kind, error, trace)
 
 
 def _is_picture(entry: Path) -> bool:

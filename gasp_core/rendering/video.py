@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -79,6 +80,8 @@ FILMS: dict[str, _Codec] = {
 
 _GIF_RATE = 50
 """Pictures a second that browsers show of a .gif; faster ones they slow down to ten."""
+_ROUNDED = 1e-9
+"""By which a rate may be larger for its last digits alone, as 5.5 over 0.11 is."""
 
 
 class FilmFile:
@@ -101,8 +104,8 @@ class FilmFile:
     def __init__(self, path: Path, frame_rate: float) -> None:
         self.path = path
         self._codec = FILMS[path.suffix.lower()]
-        self._every = max(1, round(frame_rate / _GIF_RATE)) if self._codec.name == "gif" else 1
-        self._rate = Fraction(frame_rate / self._every).limit_denominator(1000)
+        self._every = max(1, math.ceil(frame_rate / _GIF_RATE - _ROUNDED)) if self._codec.name == "gif" else 1
+        self._rate = _fraction(frame_rate / self._every)
         self._beside = path.with_name(f".{path.name}.{os.getpid()}.part")
         self._container: Any = None
         self._stream: Any = None
@@ -212,6 +215,11 @@ class FilmFile:
                 self._container.mux(packet)
         except (OSError, av.FFmpegError) as error:
             raise RenderingError(f"{self.path}: the film cannot be written ({error})") from None
+
+
+def _fraction(rate: float) -> Fraction:
+    """A rate as films have it; of less than one picture a second, the time that each is seen."""
+    return Fraction(rate).limit_denominator(1000) if rate >= 1 else 1 / Fraction(1 / rate).limit_denominator(1000)
 
 
 def _even(picture: Array) -> Array:

@@ -56,6 +56,7 @@ def cameras_for(
     motion: Motion,
     subject: Subject,
     numbers: Sequence[int],
+    shares: Sequence[float] | None = None,
     renderer: SplatRenderer,
     width: int,
     height: int,
@@ -72,6 +73,8 @@ def cameras_for(
         What is to be in the picture, by numbers of frames.
     numbers
         Which frame each picture shows.
+    shares
+        Of a whole film, how much is before each picture, 0..1: so far has a camera turned; None: they are all of it.
     renderer
         Draws the subject's silhouettes.
     width, height [px]
@@ -95,6 +98,8 @@ def cameras_for(
     if not (follow or choice.turns):
         camera = frame_motion(motion, width=width, height=height, around=around, above=above)
         return [fitted(camera, motion, subject, renderer)] * len(numbers)
+    if shares is None:
+        shares = [k / len(numbers) for k in range(len(numbers))]
     return moving_cameras(
         motion,
         numbers,
@@ -102,7 +107,7 @@ def cameras_for(
         renderer,
         width=width,
         height=height,
-        arounds=[around + 360.0 * choice.turns * k / len(numbers) for k in range(len(numbers))],
+        arounds=[around + 360.0 * choice.turns * share for share in shares],
         above=above,
         smoothed=_SMOOTHED * footage.frame_rate if follow else None,
     )

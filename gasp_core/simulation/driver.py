@@ -28,7 +28,8 @@ from gasp_core.errors import RecordingError, SceneError
 from gasp_core.processes.scratch import Scratch
 from gasp_core.progress import Progress, Shown, progress_for
 from gasp_core.recording import Recording
-from gasp_core.recording.addresses import address_of, mirrored, pushing
+from gasp_core.recording.address_names import address_of, path_here
+from gasp_core.recording.addresses import mirrored, pushing
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
@@ -112,6 +113,8 @@ def simulate(
         one are kept.
     """
     address = None if out is None else address_of(out)
+    if out is not None and address is None:
+        out = path_here(out)
     with mirrored(address, resume=resume, overwrite=overwrite) if address else nullcontext() as mirror:
         return simulate_part(
             scene,

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flown_water import flown_water
 
 from gasp_core import MovingSplat, Recording, read_splat
 from gasp_core.errors import SplatFormatError
+from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.rendering.footage import open_footage
 
 FAKES = Path(__file__).parents[1] / "fake_plugins"
@@ -99,6 +101,17 @@ def test_all_frames_in_one_stage(gasp, run, refused, workplace):
     np.testing.assert_allclose(still[:, 1], run.gaussians(2).means[:, 2], rtol=0, atol=1e-6)
 
 
+def test_an_object_that_is_called_as_grains_are_stays_in_its_stage(gasp, workplace):
+    usd = pytest.importorskip("pxr.Usd")
+    recording = flown_water(workplace / "water.gasp", name="grains")
+    assert gasp("export", "water.gasp", "--all", "--as-drawn", "-o", "water.usdc").status == 0
+    stage = usd.Stage.Open("water.usdc")
+    prims = [prim.GetAttribute("positions") for prim in stage.Traverse() if prim.HasAttribute("positions")]
+    drawn, last = DrawnFrames(recording), recording.frame_count - 1
+    counts = [len(positions.Get(usd.TimeCode(last)) or []) for positions in prims]
+    assert counts == [600, len(drawn.splats(last)) - 600] and counts[1] > 0
+
+
 def test_a_run_in_one_file_and_a_film_of_it(gasp, run, refused, workplace):
     told = gasp("pack", "scene.gasp")
     assert told.status == 0, told
@@ -136,8 +149,11 @@ def test_export_of_one_frame(gasp, run, workplace):
     [
         (["--frame", "3"], ["scene.gasp", "frames 0 to 2"]),
         (["--frame", "0", "--out", "still.spz", "--format", "ply"], ["still.spz", ".ply", "--format"]),
-        (["--all", "--out", "toy.ply"], ["toy.ply", "choose another --out"]),
-        (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another --out"]),
+        (["--all", "--out", "scene.toml"], ["scene.toml", "choose another place"]),
+        (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another place"]),
+        (["--all", "--out", "film.splat"], ["film.splat is to be a folder", "without .splat", "--format"]),
+        (["--all", "--out", "film.GLB"], ["film.GLB is to be a folder", "without .glb"]),
+        (["--all", "--out", "film.usdc", "--format", "ply"], ["film.usdc is to be a folder"]),
     ],
 )
 def test_export_that_cannot_be(refused, run, arguments, says):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gasp_core import io
 from gasp_core.cli.main import main
 from gasp_core.io import read_splat, write_splat
 from gasp_core.toy import make_toy
@@ -34,6 +35,49 @@ def test_frames_of_a_script(splat, capsys):
     assert len(read_splat("toy_moved/flat_0001.splat")) == 64
 
 
+def moving(frames, name="moved.npy"):
+    """A motion of so many frames, each farther away than the one before."""
+    lifts = np.arange(frames, dtype=np.float32)[:, None, None]
+    np.save(name, np.zeros((frames, 4 * 64, 3), np.float32) + lifts)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_shorter_motion_takes_the_place_of_a_longer_one(splat, capsys):
+    assert main(["soup", "export", "toy.ply"]) == 0
+    moving(4)
+    assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy"]) == 0
+    (splat / "toy_moved" / "notes.txt").write_text("mine")
+    for frames in (2, 1):
+        moving(frames)
+        assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy", "-o", "toy_moved"]) == 2
+        assert "is there already" in capsys.readouterr().err
+        assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy", "-o", "toy_moved", "--overwrite"]) == 0
+        expected = ["moved_0000.ply", "moved_0001.ply"] if frames == 2 else ["moved.ply"]
+        assert names(splat / "toy_moved") == [*expected, "notes.txt"]
+
+
+def test_a_motion_that_ends_early_leaves_the_earlier_one_as_it_was(splat, monkeypatch):
+    assert main(["soup", "export", "toy.ply"]) == 0
+    moving(3)
+    assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy"]) == 0
+    before = {path: path.read_bytes() for path in splat.rglob("*") if path.is_file()}
+    written = io.write_splat
+
+    def interrupted(path, gaussians):
+        if path.name == "moved_0001.ply":
+            raise KeyboardInterrupt
+        written(path, gaussians)
+
+    monkeypatch.setattr(io, "write_splat", interrupted)
+    np.save("moved.npy", np.load("moved.npy") + 1)
+    before[splat / "moved.npy"] = (splat / "moved.npy").read_bytes()
+    assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy", "--overwrite"]) != 0
+    assert {path: path.read_bytes() for path in splat.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -43,12 +87,15 @@ def test_frames_of_a_script(splat, capsys):
         (["import", "other.ply", "a.ply", "a.ply"], "is that of another splat"),
         (["import", "toy.ply", "a.ply", "a.ply", "a.ply"], "two of MOVED have one name"),
         (["import", "toy.ply", "a.ply", "a.ply", "-o", "toy.ply"], "is there already"),
+        (["import", "toy.ply", "a.ply", "a.ply", "--format", "sog", "-o", "b.splat"], "does not end in .sog"),
+        (["import", "toy.ply", "a.ply", "two.npy", "-o", "b.splat"], "b.splat is to be a folder"),
         (["import", "toy.ply", "a.ply"], "Missing argument"),
     ],
 )
 def test_refuses(splat, capsys, arguments, said):
     write_splat("other.ply", make_toy(64, seed=1))
     assert main(["soup", "export", "toy.ply", "-o", "a.ply"]) == 0
+    moving(2, "two.npy")
     before = {path.name: path.read_bytes() for path in splat.iterdir()}
     capsys.readouterr()
     assert main(["soup", *arguments]) == 2

@@ -73,6 +73,14 @@ def test_frames_that_would_have_one_name_are_refused_before_anything_is_tracked(
     assert not (tmp_path / "book_tracked").exists()
 
 
+def test_of_one_frame_there_is_nothing_to_track(flipbook, tmp_path, capsys):
+    for k in range(1, 4):
+        (tmp_path / "book" / f"f{k}.ply").unlink()
+    assert main(["track", "book"]) == 2
+    assert "book: has one frame, f0.ply: there is nothing to track" in capsys.readouterr().err
+    assert not (tmp_path / "book_tracked").exists()
+
+
 def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
     frame = read_splat("book/f3.ply")
     write_splat(tmp_path / "book" / "f3.ply", frame.with_(means=frame.means + [9.0, 0, 0] * (frame.means[:, :1] > 0)))
@@ -87,6 +95,7 @@ def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
         (["book", "-o", "book"], "holds the frames themselves"),
         (["book", "-o", "book/sub"], "lies among them"),
         (["book", "-o", "few/a.ply"], "no folder can be made there"),
+        (["book", "-o", "tracked.ply"], "tracked.ply is to be a folder"),
         (["book", "-o", "no/where"], "no folder can be made there"),
         (["book", "--nodes", "3"], "--nodes"),
         (["few"], "tracking wants 100"),
@@ -94,7 +103,8 @@ def test_what_is_lost_is_warned_of(flipbook, tmp_path, capsys):
 )
 def test_what_cannot_be_tracked_is_one_line(flipbook, tmp_path, capsys, arguments, says):
     (tmp_path / "few").mkdir()
-    write_splat(tmp_path / "few" / "a.ply", make_toy(20))
+    for name in ("a.ply", "b.ply"):
+        write_splat(tmp_path / "few" / name, make_toy(20))
     assert main(["track", *arguments]) == 2
     said = capsys.readouterr().err.strip()
     assert says in said and "Traceback" not in said

@@ -57,7 +57,7 @@ def flowing(scene_of, ball, tmp_path_factory):
 def flight(scene_of, run, ball):
     """flight(reduction, out) -> a run of a ball that flies apart as it spins: its points go on straight ahead."""
 
-    def make(reduction, out, splat=None, **others):
+    def make(reduction, out, splat=None, *, frames=None, resume=False, **others):
         scene = scene_of(
             ball if splat is None else splat,
             reduction=reduction,
@@ -67,7 +67,7 @@ def flight(scene_of, run, ball):
             accuracy=EngineAccuracy(resolution=8),
             **others,
         )
-        return run(scene, out)
+        return run(scene, out, frames=frames, resume=resume)
 
     return make
 

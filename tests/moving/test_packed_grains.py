@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from gasp_core import MovingSplat, Reduction, pack
 from gasp_core.contract import Fluid, Sand
@@ -38,6 +39,23 @@ def test_grains_are_those_of_the_run(sand):
     # A step of how far it has flowed, and half a step of colours on the screen.
     assert np.abs(found.opacities[count:] - wanted.opacities[count:]).max() <= 1 / 63 + 0.5 / 255
     assert np.abs(found.harmonics[count:] - wanted.harmonics[count:]).max() * 0.2821 <= 0.5 / 255 + 1e-6
+
+
+def test_grains_know_whose_colours_they_have(sand):
+    recording, splat, drawn = sand
+    last, count = recording.frame_count - 1, len(recording.reference)
+    found = splat.at(last)
+    assert len(found.sources) == len(found.splats) <= count + splat.most_grains
+    assert splat.most_grains == drawn.most_grains
+    np.testing.assert_array_equal(found.sources[:count], np.arange(count))
+    # A run goes to a point's Gaussian by way of matter, a pack straight: to the nearest.
+    ((body, grains),) = drawn.grains
+    chosen = grains.flow(recording.points(last)[body.points]).chosen
+    points = recording.start_points[body.points][chosen]
+    nearest = KDTree(splat.reference.means).query(points)[0]
+    off = splat.reference.means[found.sources[count :: grains.offsets.shape[1]]] - points
+    # Places of a .sog are of 16 bits.
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), nearest, atol=1e-4)
 
 
 def test_gaussians_go_as_grains_come(sand):

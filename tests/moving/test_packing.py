@@ -259,6 +259,24 @@ def test_a_run_that_stopped_before_its_first_frame(recorded, tmp_path):
     assert not (tmp_path / "a.sog").exists()
 
 
+def test_a_run_that_goes_on_meanwhile(flight, tmp_path):
+    reduction = Reduction(mode="cores", count=30)
+    recording = flight(reduction, tmp_path / "a.gasp", frames=3)
+
+    def go_on():
+        if recording.frame_count == 3:
+            flight(reduction, tmp_path / "a.gasp", frames=6, resume=True)
+
+    told = pack(recording, tmp_path / "a.sog", progress=go_on)
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    assert recording.frame_count == 6
+    assert told.frames == len(splat) == 3
+    order, _ = _order(recording)
+    for frame in range(len(splat)):
+        off = splat.gaussians(frame).means - recording.gaussians(frame).select(order).means
+        assert np.linalg.norm(off, axis=1).max() <= told.allowed_error
+
+
 @pytest.mark.parametrize("composition", ["carried", "driven"])
 def test_what_psi_stretches_is_not_bounded(scene_of, cloud, tmp_path, composition):
     """Nine times as large, where physics may stretch by two, and an object beside it that physics alone moves."""

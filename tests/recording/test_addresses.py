@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from pathlib import Path
 
 import flying_points
 import numpy as np
@@ -81,6 +82,16 @@ def same(one, other):
 )
 def test_what_is_an_address(path, address):
     assert address_of(path) == address
+
+
+@pytest.mark.parametrize("head", ["file://", "local://", "file:"])
+def test_a_path_may_be_written_as_an_address(record, tmp_path, monkeypatch, head):
+    monkeypatch.chdir(tmp_path)
+    place = f"{head}{tmp_path}/there/run.gasp"
+    for name in (place, Path(place)):
+        assert record(name, frames=1, overwrite=True).path == tmp_path / "there" / "run.gasp"
+        assert Recording.open(name).frame_count == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scripted_engine import Scripted
 
-from gasp_core import Recording, rigid_fit, simulate
+from gasp_core import Recording, Swing, rigid_fit, simulate
 from gasp_core.cli.export_motion import export_motion
 from gasp_core.contract import Field, PointState, SteadyMotion
 from gasp_core.errors import RecordingError
@@ -103,6 +103,23 @@ def test_each_object_has_its_own(scene_of, cloud, tmp_path):
     first, other = rigid_fit(run, "thing"), rigid_fit(run, "other")
     assert np.linalg.norm(other.center - first.center) > 2
     np.testing.assert_allclose(first.quaternions, other.quaternions, atol=1e-5)
+
+
+def test_what_is_carried_is_where_it_is_seen(scene_of, run, tmp_path):
+    """Its points fly on straight ahead and know nothing of the swing."""
+    swing = Swing(axis=(0, 1, 0), pivot=(0.4, 0, 0), amplitude=30, frequency=1.0)
+    scene = scene_of(motion=swing, velocity=(0.3, 0, 0), gravity=(0, 0, 0))
+    recording = run(scene, tmp_path / "a.gasp")
+    fit = rigid_fit(recording, "thing")
+    start = recording.reference.means
+    np.testing.assert_allclose(fit.center, start.mean(0), atol=1e-6)
+    turns = Rotation.from_quat(np.roll(fit.quaternions, -1, axis=1))
+    np.testing.assert_allclose(np.degrees(turns.magnitude().max()), 30, rtol=0.01)
+    for frame in range(recording.frame_count):
+        seen = fit.places[frame] + turns[frame].apply(start - fit.center)
+        # Places of a recording are float32.
+        np.testing.assert_allclose(seen, recording.gaussians(frame).means, atol=1e-6)
+    assert fit.residuals.max() < 1e-6
 
 
 def test_what_does_not_move_is_named(tumbled):

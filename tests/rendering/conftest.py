@@ -56,10 +56,11 @@ class Dots:
     """A renderer that needs no plugin: each Gaussian is one opaque pixel of its constant colour, nearest in front."""
 
     def __init__(self):
-        self.sizes = []
+        self.sizes, self.cameras = [], []
 
     def render(self, splats, camera, *, occluders=None):
         self.sizes.append((camera.width, camera.height))
+        self.cameras.append(camera)
         shape = (camera.height, camera.width)
         colour, depth = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
         places, depths = camera.project(splats.means)

@@ -1,6 +1,7 @@
 import dataclasses
 import json
 
+import flying_points
 import numpy as np
 import pytest
 import trimesh
@@ -380,3 +381,45 @@ def test_a_collider_of_a_file_is_drawn_and_left_out_where_the_file_is_gone(falli
     box.unlink()
     assert SceneFootage(scene, tmp_path).colliders == ()
     assert "collider 1 is not drawn" in caplog.text and "no such file" in caplog.text
+
+
+def test_a_frame_alone_is_seen_from_where_the_film_sees_it(run_of, falling_scene, dots, tmp_path):
+    run = run_of(dataclasses.replace(falling_scene, camera=gasp.CameraChoice(turns=1.0)))
+
+    def rotations(out, **options):
+        dots.cameras.clear()
+        gasp.render(run, tmp_path / out, size=SIZE, colliders=False, **options)
+        return [camera.rotation for camera in dots.cameras if (camera.width, camera.height) == SIZE]
+
+    film = rotations("film")
+    assert len(film) == 7 and np.abs(film[4] - film[0]).max() > 0.5
+    (alone,) = rotations("one.png", frames=[4])
+    np.testing.assert_allclose(alone, film[4], atol=1e-9)
+    # Those of a turntable go around once, whichever they are.
+    around = rotations("around", frames=[2, 4], turntable=True)
+    np.testing.assert_allclose(around[1][2], around[0][2] * [-1, -1, 1], atol=1e-9)
+
+
+def test_a_run_at_an_address_is_filmed(run_of, falling_scene, dots, tmp_path, monkeypatch):
+    pytest.importorskip("fsspec")
+    monkeypatch.setenv("GASP_CACHE", str(tmp_path / "cache"))
+    engine = (flying_points.descriptor(), flying_points.Ballistic())
+    gasp.simulate(falling_scene, engine=engine, out="memory://films/run.gasp", frames=2, progress=False)
+    gasp.render("memory://films/run.gasp", tmp_path / "a.png", size=SIZE, frames=[1])
+    assert painted(tmp_path / "a.png").shape == (64, 96, 3)
+
+
+def test_a_pack_is_framed_as_its_run_is_and_no_backdrop_is_in_the_picture(run_of, falling_scene, cameras_of, tmp_path):
+    (blob,) = falling_scene.objects
+    beside = [
+        dataclasses.replace(blob, name=name, static=True, material=None, height=height, position=(0, away, 0))
+        for name, height, away in (("pot", 0.5, 0.5), ("house", 9.0, 8.0))
+    ]
+    run = run_of(dataclasses.replace(falling_scene, objects=(beside[1], blob, beside[0])))
+    gasp.pack(run, tmp_path / "a.sog")
+    film, packed = RecordedFootage(run), open_footage(tmp_path / "a.sog")
+    assert len(packed.subject(0)) == len(film.subject(0)) == 2 * len(blob.splat)
+    assert packed.in_subject.sum() == film.in_subject.sum()
+    for one, other in zip(cameras_of(film), cameras_of(packed)):
+        # Places of a .sog are of 16 bits of what is there, scales of a codebook.
+        np.testing.assert_allclose(other.position, one.position, atol=0.02)

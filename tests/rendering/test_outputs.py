@@ -1,3 +1,4 @@
+import errno
 import sys
 from pathlib import Path
 
@@ -77,6 +78,15 @@ def test_a_gif_goes_on_and_is_no_faster_than_browsers_show_it(tmp_path):
     assert psnr(first, picture(0)) > 20 and psnr(second, picture(4)) > 20 and psnr(first, second) < 15
 
 
+@pytest.mark.parametrize("rate", [50, 51, 60, 74, 124])
+def test_no_gif_is_faster_than_browsers_show_it(tmp_path, rate):
+    written(FilmFile(tmp_path / "film.gif", rate), [picture(k) for k in range(6)])
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == (6 if rate == 50 else 2 if rate == 124 else 3)
+        # In hundredths of a second, the third frame's rounded down or up.
+        assert film.info["duration"] >= 20
+
+
 def test_films_that_can_be_transparent_are(tmp_path):
     import av
 
@@ -122,7 +132,7 @@ def test_sizes_that_video_does_not_know(tmp_path, size):
 
 
 def test_slow_and_odd_frame_rates(tmp_path):
-    for rate in (25 / 4, 29.97, 0.5, 240):
+    for rate in (25 / 4, 29.97, 0.5, 240, 0.4 / 1000, 0.37 / 1000):
         written(FilmFile(tmp_path / "film.mp4", rate), [picture(k) for k in range(3)])
         frames, found, _ = decoded(tmp_path / "film.mp4")
         assert len(frames) == 3 and float(found) == pytest.approx(rate, rel=1e-3)
@@ -162,6 +172,39 @@ def test_a_folder_of_pictures_replaces_an_older_film_and_nothing_else(tmp_path):
     with pytest.raises(RenderingError, match="holds other things than pictures"):
         written(PictureFolder(folder), [picture(0)])
     assert (folder / "notes.txt").exists() and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_link_to_a_folder_of_pictures_stays_one(tmp_path):
+    folder, link = tmp_path / "frames", tmp_path / "link"
+    link.symlink_to(folder)
+    for count in (5, 2):
+        written(PictureFolder(link), [picture(k) for k in range(count)])
+        assert link.is_symlink() and len(list(folder.iterdir())) == count
+    assert sorted(tmp_path.iterdir()) == [folder, link]
+
+
+def test_pictures_in_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for count in (3, 2):
+        written(open_output(Path(), count=count, frame_rate=25, title="t"), [picture(k) for k in range(count)])
+        assert sorted(path.name for path in Path().iterdir()) == [f"frame_{k:04d}.png" for k in range(count)]
+
+
+def test_where_new_pictures_cannot_come_to_their_place_the_older_ones_stay(tmp_path, monkeypatch):
+    folder = tmp_path / "frames"
+    written(PictureFolder(folder), [picture(k) for k in range(3)])
+    before = everything(tmp_path)
+    replace = Path.replace
+
+    def refusing(path, target):
+        if path.name == "frame_0001.png" and path.parent.name == "made":
+            raise OSError(errno.EIO, "Input/output error")
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", refusing)
+    with pytest.raises(RenderingError, match="no files can be made there"):
+        written(PictureFolder(folder), [picture(k + 5) for k in range(2)])
+    assert everything(tmp_path) == before
 
 
 def test_transparency_is_kept_in_pictures_and_refused_in_films(tmp_path):

@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunCurves:
-    """Of a run; its matter is the engine's points with their masses.
+    """Of a run; its matter is the engine's points with their masses, without what moves it by itself (`Motion`).
 
     Parameters
     ----------

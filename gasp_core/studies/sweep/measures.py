@@ -11,6 +11,7 @@ from typing import Any
 from gasp_core.accuracy.trajectories import distance
 from gasp_core.errors import AccuracyError
 from gasp_core.recording import Recording
+from gasp_core.recording.places import places_at, places_at_start
 from gasp_core.studies.comparison.parting import parting_of
 
 __all__ = ["Measures", "Observable", "load_observable"]
@@ -77,8 +78,9 @@ class Measures:
                 raise AccuracyError(f'there is a column "{name}" already: give the function that observes another name')
 
     def __call__(self, recording: Recording) -> Mapping[str, Any]:
-        """Of each object, in metres: the middle of its points at the end, the lowest and the highest of them, and how
-        far one has gone at most in any frame; then what the user wants, then distances."""
+        """Of each object, in metres: the middle of its places at the end (see `gasp_core.recording.places`), the lowest
+        and the highest of them, and how far one has gone at most in any frame; then what the user wants; distances.
+        """
         found: dict[str, Any] = {"engine": recording.engine.name, "points": len(recording.start_points)}
         found |= _of_objects(recording)
         failures: list[str] = []
@@ -125,18 +127,16 @@ def load_observable(text: str) -> Observable:
 
 
 def _of_objects(recording: Recording) -> dict[str, float]:
-    start = recording.start_points
-    bodies = [(body.name, body.points) for body in recording.bodies]
-    gone = dict.fromkeys((name for name, _ in bodies), 0.0)
-    points = start
+    start = places_at_start(recording)
+    gone = dict.fromkeys(start, 0.0)
+    places = start
     for frame in range(recording.frame_count):
-        points = recording.points(frame)
-        for name, rows in bodies:
-            squares = ((points[rows] - start[rows]) ** 2).sum(axis=1)
+        places = places_at(recording, frame)
+        for name, own in places.items():
+            squares = ((own - start[name]) ** 2).sum(axis=1)
             gone[name] = max(gone[name], math.sqrt(float(squares.max())))
     found: dict[str, float] = {}
-    for name, rows in bodies:
-        own = points[rows]
+    for name, own in places.items():
         for axis, value in zip("xyz", own.mean(axis=0)):
             found[f"{name}.centre_{axis}"] = float(value)
         found[f"{name}.lowest"], found[f"{name}.highest"] = float(own[:, 2].min()), float(own[:, 2].max())

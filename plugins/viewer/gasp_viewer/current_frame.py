@@ -14,6 +14,7 @@ from gasp_core.gaussians import Gaussians
 from gasp_core.recording.drawn import Drawn
 from gasp_core.render_input import RenderInput
 from gasp_core.rendering.footage import Footage, RecordedFootage
+from gasp_core.rendering.moving_footage import MovingFootage
 
 __all__ = ["Moment", "finite_difference", "first_readable"]
 
@@ -41,7 +42,7 @@ class Moment:
     @cached_property
     def drawn(self) -> Drawn:
         """These, and grains of what has flowed."""
-        if isinstance(self._footage, RecordedFootage):
+        if isinstance(self._footage, RecordedFootage | MovingFootage):
             return self._footage.drawn_frames.at(self.frame)
         return Drawn(splats=self.splats, sources=np.arange(len(self.splats)))
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.rendering.footage import Footage, RecordedFootage, Still
+from gasp_core.rendering.moving_footage import MovingFootage
 from gasp_viewer.colouring import Elements
 from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import SIZE, Stage
@@ -201,7 +202,7 @@ def layers_of(footage: Footage, stage: Stage, frame: int = 0) -> dict[str, Layer
     """The layers a footage has, by name, the first to be shown first; learnt from a frame that is not damaged."""
     start = Moment(footage, frame)
     drawn = _drawn(footage, len(start.splats))
-    room = footage.drawn_frames.most_grains if isinstance(footage, RecordedFootage) else 0
+    room = footage.drawn_frames.most_grains if isinstance(footage, RecordedFootage | MovingFootage) else 0
     layers: dict[str, Layer] = {"gaussians": GaussianLayer(elements=drawn, stage=stage, room=room)}
     layers["triangles"] = _faces(footage, start, drawn, stage)
     if isinstance(footage, RecordedFootage):

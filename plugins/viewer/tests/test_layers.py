@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from flown_water import flown_water
 from gasp_viewer import layers
 from gasp_viewer.current_frame import Moment
 from gasp_viewer.display_units import SIZE, Stage, shown_motion
@@ -8,6 +9,7 @@ from gasp_viewer.layers import LAYERS, PackedPoints, layers_of, thinned
 from gasp_viewer.packing import PackedSplats
 from splat_shells import SHAPES, shell
 
+from gasp_core import pack
 from gasp_core.io import write_splat
 from gasp_core.rendering.footage import open_footage
 
@@ -139,3 +141,21 @@ def test_gaussians_wear_the_colours_they_are_given(toy_footage, stage):
     assert isinstance(packed, PackedSplats)
     # Half a byte's step.
     np.testing.assert_allclose(packed.buffer[:, 7:].view(np.uint8)[:, :3] / 255, colours, atol=0.5 / 255 + 1e-12)
+
+
+def test_what_has_flowed_is_shown_of_a_pack_as_of_its_run(tmp_path):
+    recording = flown_water(tmp_path / "water.gasp")
+    pack(recording, tmp_path / "water.sog")
+    last, count = recording.frame_count - 1, len(recording.reference)
+    buffers = []
+    for name in ("water.gasp", "water.sog"):
+        footage = open_footage(tmp_path / name)
+        found = Moment(footage, last).drawn
+        np.testing.assert_array_equal(found.splats.means, footage.drawn(last).means)
+        np.testing.assert_array_equal(found.splats.opacities, footage.drawn(last).opacities)
+        layer = layers_of(footage, Stage.of(shown_motion(footage, 0)))["gaussians"]
+        buffers.append([layer.pack(Moment(footage, frame), colours_for(layer)).buffer for frame in (0, last)])
+    (first, flown), (packed_first, packed_flown) = buffers
+    # As many rows in every frame, of which those that there are not yet are nothing.
+    assert len(first) == len(flown) == len(packed_first) == len(packed_flown) > count
+    assert not packed_first[count:].any() and packed_flown[count:].any()

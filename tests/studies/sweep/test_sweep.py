@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from object_store import object_store
 
-from gasp_core import load_scene, simulate
+from gasp_core import Swing, load_scene, simulate
 from gasp_core.errors import AccuracyError, BackendError, RecordingError, SceneError
 from gasp_core.studies.runs import Limits, chosen_backend
 from gasp_core.studies.sweep import Measures, load_observable, planned, settings_of, sweep
@@ -416,3 +416,15 @@ def test_each_run_has_its_share_of_threads(monkeypatch, told, most):
     assert surroundings().with_threads(None) == surroundings()
     monkeypatch.setenv("GASP_THREADS", told)
     assert processors() == (most or there)
+
+
+def test_what_moves_by_itself_is_measured_where_it_is_seen(scene_of, run, tmp_path):
+    swing = Swing(axis=(0, 1, 0), pivot=(0.4, 0, 0), amplitude=30, frequency=1.0)
+    recording = run(scene_of(motion=swing, gravity=(0, 0, 0)), tmp_path / "a.gasp")
+    seen = [recording.gaussians(frame).means for frame in range(recording.frame_count)]
+    found = Measures()(recording)
+    gone = max(np.linalg.norm(means - recording.reference.means, axis=1).max() for means in seen)
+    # Places of a recording are float32.
+    assert found["thing.moved"] == pytest.approx(gone, rel=1e-5) and gone > 0.1
+    assert [found[f"thing.centre_{axis}"] for axis in "xyz"] == pytest.approx(seen[-1].mean(axis=0), abs=1e-6)
+    assert found["thing.highest"] == pytest.approx(seen[-1][:, 2].max(), abs=1e-6)
