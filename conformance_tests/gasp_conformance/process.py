@@ -25,7 +25,7 @@ NOTHING_MATCHED = 5
 """Exit status of a run of which a selection left nothing."""
 
 _PATIENCE = 5.0
-"""Seconds it may take to write its report once it is interrupted. Who ends a container waits for ten, and then kills."""
+"""Seconds it may take to write its report once it is interrupted: who ends a container waits for ten, then kills."""
 
 
 class SuiteInterrupted(KeyboardInterrupt):
