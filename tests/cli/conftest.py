@@ -121,8 +121,6 @@ def refused(gasp, workplace):
 def gasp_process(workplace):
     """Run ``gasp`` as a process of its own, with distributions of the tests installed."""
 
-    own = [os.environ["PYTHONPATH"]] if os.environ.get("PYTHONPATH") else []
-
     def run(*arguments, fakes=("ballistic",), variables=(), **options):
         options.setdefault("stdout", subprocess.PIPE)
         return subprocess.run(
@@ -131,7 +129,9 @@ def gasp_process(workplace):
             # No bytecode: where a test limits the size of files, half a module would be left in everybody's cache.
             env=os.environ
             | {
-                "PYTHONPATH": os.pathsep.join([*(str(FAKES / name) for name in fakes), *own]),
+                "PYTHONPATH": os.pathsep.join(
+                    [*(str(FAKES / name) for name in fakes), *filter(None, [os.environ.get("PYTHONPATH")])]
+                ),
                 "PYTHONDONTWRITEBYTECODE": "1",
             }
             | dict(variables),
