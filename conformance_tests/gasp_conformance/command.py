@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +33,7 @@ Examples:
 \b
 Exit status: 0 the engine passes, 1 it fails, 2 the command could not be
 carried out, 3 nothing failed but -k left checks out, 130 interrupted.
+Interrupted, or ended by SIGTERM, it still says and writes what it found.
 A check that is known to fail goes into gasp-conformance.toml in the
 engine's package; core checks cannot be excused.
 """
@@ -80,7 +83,7 @@ def conformance(
     ENGINE is its name as "gasp engines" lists it. The checks run in a process of their own, in an empty folder: no
     file of yours changes what they do.
     """
-    from gasp_conformance.process import NOTHING_MATCHED, USAGE, run_suite
+    from gasp_conformance.process import NOTHING_MATCHED, USAGE, SuiteInterrupted, run_suite, terminable
     from gasp_core.processes.scratch import scratch_folder
 
     if engine is None and not listing:
@@ -104,12 +107,17 @@ def conformance(
         options += [f"--gasp-write-scene={written}", f"--gasp-scenes={where}"]
     if expression is not None:
         options += ["-k", expression]
-    with scratch_folder("gasp-conformance-") as folder:
+    with terminable(), scratch_folder("gasp-conformance-") as folder:
         if listing:
             status = run_suite([*options, "--gasp-list", "-q"], folder)
             context.exit(USAGE_ERROR if status == USAGE else 0)
         found = folder / "report.json"
-        status = run_suite([*options, f"--gasp-report={found}"], folder)
+        try:
+            status = run_suite([*options, f"--gasp-report={found}"], folder)
+        except SuiteInterrupted as interrupted:
+            if found.exists():
+                _conclude(interrupted.status, found, report_file, interrupted=True)
+            raise
         if status == USAGE:
             context.exit(USAGE_ERROR)
         if status == NOTHING_MATCHED:
@@ -117,7 +125,7 @@ def conformance(
         context.exit(_conclude(status, found, report_file))
 
 
-def _conclude(status: int, found: Path, wanted: Path | None) -> int:
+def _conclude(status: int, found: Path, wanted: Path | None, *, interrupted: bool = False) -> int:
     """Read what the process left, say what it could not say itself, and return the exit status."""
     from gasp_conformance.process import is_orderly
     from gasp_conformance.report import Verdict, VerdictOutcome, read_report, write_report
@@ -130,13 +138,20 @@ def _conclude(status: int, found: Path, wanted: Path | None) -> int:
     report = read_report(found)
     if not (report.finished and is_orderly(status)):
         where = "after the last check" if report.finished else f"in check {report.running}"
-        reasons = *(report.verdict.reasons if report.finished else ()), f"the process {ending(status)} {where}"
+        # What did not end when it was interrupted was killed by us, and not for a fault of its own.
+        how = "was interrupted" if interrupted else ending(status)
+        reasons = *(report.verdict.reasons if report.finished else ()), f"the process {how} {where}"
         report = replace(report, verdict=Verdict(outcome=VerdictOutcome.FAILS, reasons=reasons))
         click.echo()
-        for line in report_lines(report):
+        for line in report_lines(report, _terminal_width()):
             click.secho(line.text, fg=line.colour)
     if wanted is not None:
         write_report(report, wanted)
     return {VerdictOutcome.PASSES: PASSES, VerdictOutcome.FAILS: FAILS, VerdictOutcome.PARTIAL: PARTIAL}[
         report.verdict.outcome
     ]
+
+
+def _terminal_width() -> int | None:
+    """Of stdout; None where that is no terminal."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None

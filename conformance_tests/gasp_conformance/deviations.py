@@ -4,7 +4,8 @@
     check = "V12[24 degrees]"
     reason = "friction is taken at the cell's middle, the way is 2 % long"
 
-It lies in the engine's package, so that whoever installs the engine has it, or beside its pyproject.toml.
+It lies in the engine's package, so that whoever installs the engine has it, or beside its pyproject.toml. Where a
+package has several engines, `engine` says which one an entry is about.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 from gasp_core.contract import EngineDescriptor, Precision
+from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError
 
 __all__ = ["FILE_NAME", "Deviation", "DeviationsError", "deviations_of", "read_deviations"]
 
 FILE_NAME = "gasp-conformance.toml"
-_KEYS = ("check", "reason", "precision", "device")
+_KEYS = ("check", "reason", "engine", "precision", "device")
 
 
 class DeviationsError(GaspError):
@@ -44,12 +46,13 @@ class Deviation:
         Its whole name, e.g. "V8[4 cells]".
     reason
         For whoever reads the report.
-    precision, device
+    engine, precision, device
         The one it fails in; None for every one.
     """
 
     check: str
     reason: str
+    engine: str | None = None
     precision: Precision | None = None
     device: str | None = None
 
@@ -59,22 +62,27 @@ class Deviation:
 
     def overlaps(self, other: Deviation) -> bool:
         """Whether both are about one check in one run."""
-        pairs = ((self.precision, other.precision), (self.device, other.device))
+        pairs = ((self.engine, other.engine), (self.precision, other.precision), (self.device, other.device))
         return self.check == other.check and all(None in pair or len(set(pair)) == 1 for pair in pairs)
 
 
 def deviations_of(descriptor: EngineDescriptor, distribution: str) -> tuple[Deviation, ...]:
-    """What an engine's own file lists; nothing where there is no file.
+    """What an engine's own file lists of it; nothing where there is no file.
 
     Raises
     ------
     DeviationsError
-        Where the file is malformed, or names a device that the engine does not declare.
+        Where the file is malformed, names an engine that its package does not have, or a device that the engine does
+        not declare.
     """
-    package = descriptor.factory.partition(":")[0].partition(".")[0]
+    package = _package(descriptor)
     for where, text in (_beside(package), _in_project(distribution)):
         if text is not None:
-            found = read_deviations(text, where)
+            listed = read_deviations(text, where)
+            for one in listed:
+                if one.engine not in (None, descriptor.name):
+                    _check_engine(one, package, where)
+            found = tuple(one for one in listed if one.engine in (None, descriptor.name))
             devices = descriptor.capabilities.devices
             for one in found:
                 if one.device not in (None, *devices):
@@ -110,6 +118,20 @@ def read_deviations(text: str, where: str) -> tuple[Deviation, ...]:
     return found
 
 
+def _package(descriptor: EngineDescriptor) -> str:
+    return descriptor.factory.partition(":")[0].partition(".")[0]
+
+
+def _check_engine(one: Deviation, package: str, where: str) -> None:
+    """Refuse an entry that is about nobody: it would excuse nothing and never be found."""
+    names = sorted(other.name for other in discover().engines.values() if _package(other) == package)
+    if one.engine not in names:
+        raise DeviationsError(
+            f'{where}: "{one.check}": engine must be one of this package'
+            f' ({", ".join(names) or "none is installed"}), found "{one.engine}"'
+        )
+
+
 def _deviation(table: dict[str, Any], where: str) -> Deviation:
     for key in table:
         if key not in _KEYS:
@@ -122,14 +144,15 @@ def _deviation(table: dict[str, Any], where: str) -> Deviation:
     known = [one.value for one in Precision]
     if precision is not None and precision not in known:
         raise DeviationsError(f"{where}: precision must be {' or '.join(known)}, found {precision!r}")
-    device = table.get("device")
-    if device is not None and not isinstance(device, str):
-        raise DeviationsError(f"{where}: device must be the name of one, found {device!r}")
+    for key in ("engine", "device"):
+        if not isinstance(table.get(key, ""), str):
+            raise DeviationsError(f"{where}: {key} must be the name of one, found {table[key]!r}")
     return Deviation(
         check=table["check"].strip(),
         reason=" ".join(table["reason"].split()),
+        engine=table.get("engine"),
         precision=None if precision is None else Precision(precision),
-        device=device,
+        device=table.get("device"),
     )
 
 

@@ -150,7 +150,11 @@ class Examination:
         self._write()
         with waiting(one.name, functools.partial(_aloud, item.config)):
             answer = yield
-        self._report = replace(self._report, checks=(*self._report.checks, self._result(one)))
+        result = self._result(one)
+        self._report = replace(self._report, checks=(*self._report.checks, result))
+        if result.outcome.fails:
+            # At once: the summary may be hours away, and nobody knows whether there will be one.
+            _aloud(item.config, f"{result.name} {result.outcome.value}: {result.reason}")
         return answer
 
     @pytest.hookimpl(wrapper=True)
@@ -219,7 +223,8 @@ class Examination:
                 numbers = f"{figure.value:>11.4g}   {figure.sense} {figure.bound:.5g}"
                 terminalreporter.line(f"{figure.case:<22} {figure.figure:<46} {numbers}")
         terminalreporter.section("conformance")
-        for line in report_lines(self._report, terminalreporter.config.get_terminal_writer().fullwidth):
+        width = terminalreporter.config.get_terminal_writer().fullwidth if terminalreporter.isatty else None
+        for line in report_lines(self._report, width):
             terminalreporter.line(line.text, **({line.colour: True} if line.colour else {}))
 
     def _result(self, one: Collected) -> CheckResult:
@@ -287,7 +292,7 @@ def _is_excusable(error: BaseException) -> bool:
 
 
 def _aloud(config: pytest.Config, line: str) -> None:
-    """Say something while a check goes on, whose own words are kept back."""
+    """Say something beside the dots, also while a check goes on, whose own words are kept back."""
     capture = config.pluginmanager.get_plugin("capturemanager")
     with contextlib.nullcontext() if capture is None else capture.global_and_fixture_disabled():
         config.get_terminal_writer().line(f"\n{line}", flush=True)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
+from types import FrameType
 
 from gasp_core.processes import guard
 from gasp_core.processes.group import end_group, interrupt_group
 
-__all__ = ["NOTHING_MATCHED", "USAGE", "is_orderly", "run_suite"]
+__all__ = ["NOTHING_MATCHED", "USAGE", "SuiteInterrupted", "is_orderly", "run_suite", "terminable"]
 
 # As pytest.ExitCode has them; importing it would take longer than everything else here.
 _OK, _TESTS_FAILED, _INTERRUPTED = 0, 1, 2
@@ -21,8 +24,45 @@ USAGE = 4
 NOTHING_MATCHED = 5
 """Exit status of a run of which a selection left nothing."""
 
-_PATIENCE = 10.0
-"""Seconds it may take to write its report once it is interrupted."""
+_PATIENCE = 5.0
+"""Seconds it may take to write its report once it is interrupted: who ends a container waits for ten, then kills."""
+
+
+class SuiteInterrupted(KeyboardInterrupt):
+    """Raised once a suite that was interrupted has ended, with the exit `status` of its process."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__()
+        self.status = status
+
+
+class _Terminated(KeyboardInterrupt):
+    """What SIGTERM raises."""
+
+
+@contextlib.contextmanager
+def terminable() -> Generator[None]:
+    """Have SIGTERM do what Ctrl-C does, and end this process once that is done; in the main thread.
+
+    A time limit or a service of continuous integration ends a command so.
+    """
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
+
+    was = signal.signal(signal.SIGTERM, interrupt)
+    terminated = False
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        terminated = isinstance(error, _Terminated) or isinstance(error.__cause__, _Terminated)
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, was)
+        if terminated:
+            sys.stdout.flush()
+            # Whoever asked for it is to see that it has ended so.
+            signal.raise_signal(signal.SIGTERM)
 
 
 def run_suite(options: Sequence[str], folder: Path) -> int:
@@ -33,8 +73,8 @@ def run_suite(options: Sequence[str], folder: Path) -> int:
 
     Raises
     ------
-    KeyboardInterrupt
-        Once the process has ended, too.
+    SuiteInterrupted
+        After Ctrl-C, and SIGTERM within `terminable`: once the process has ended, too.
     """
     settings = folder / "pytest.ini"
     settings.write_text("[pytest]\n")
@@ -64,11 +104,10 @@ def run_suite(options: Sequence[str], folder: Path) -> int:
     ) as process:
         try:
             process.wait()
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
             # Ctrl-C on the terminal has not reached the session it leads.
             interrupt_group(process)
-            end_group(process, _PATIENCE)
-            raise
+            raise SuiteInterrupted(end_group(process, _PATIENCE)) from error
         finally:
             status = end_group(process)
         return status

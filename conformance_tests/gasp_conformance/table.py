@@ -1,4 +1,4 @@
-"""A report as lines of text, as wide as a terminal."""
+"""A report as lines of text, as wide as a terminal, or as long as they are where nobody has said how wide."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ __all__ = ["Line", "report_lines"]
 NARROWEST = 100
 _WIDEST_NAME = 0.4
 """Of the width."""
+
+_ENDLESS = 1_000_000
 
 Colour = Literal["green", "red", "yellow"]
 
@@ -42,15 +44,15 @@ class Line:
     colour: Colour | None = None
 
 
-def report_lines(report: Report, width: int = NARROWEST) -> Iterator[Line]:
+def report_lines(report: Report, width: int | None = None) -> Iterator[Line]:
     """A table of checks with their worst figures, what did not pass and why, and the verdict.
 
     Parameters
     ----------
     width
-        Of the lines; `NARROWEST` at least.
+        Of the lines; `NARROWEST` at least. None, for a file or a pipe: nothing is shortened or broken.
     """
-    width = max(width, NARROWEST)
+    width = _ENDLESS if width is None else max(width, NARROWEST)
     if report.checks:
         yield from _table(report.checks, width)
         yield Line("")

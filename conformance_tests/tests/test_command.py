@@ -23,6 +23,7 @@ from gasp_conformance.report import (
     EngineIdentity,
     Extent,
     Machine,
+    Outcome,
     Report,
     Verdict,
     VerdictOutcome,
@@ -53,7 +54,7 @@ def gasp_point_engines():
     return [
         EngineDescriptor(name=name, summary="flies", contract_version=(1, 0), capabilities=capabilities,
                          factory=f"little_engines.engines:{name}")
-        for name in ("flyer", "crasher", "sleeper", "stillborn")
+        for name in ("flyer", "crasher", "sleeper", "tired", "stillborn")
     ]
 """
 ENGINES = """
@@ -61,6 +62,7 @@ import os
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,11 +115,28 @@ class Sleeper(Flyer):
         time.sleep(60)
 
 
+class Tired(Sleeper):
+    # Shows matter a metre off, and later falls asleep.
+
+    def open(self, problem, **others):
+        up = Path(os.environ["SLEEPER_IS_UP"])
+        if not up.exists():
+            up.touch()
+            return Astray(problem)
+        return super().open(problem, **others)
+
+
+class Astray(Session):
+    def read(self, fields):
+        state = super().read(fields)
+        return replace(state, positions=state.positions + 1.0)
+
+
 def stillborn():
     os._exit(7)
 
 
-flyer, crasher, sleeper = Flyer, Crasher, Sleeper
+flyer, crasher, sleeper, tired = Flyer, Crasher, Sleeper, Tired
 """
 
 
@@ -137,7 +156,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def environment(site: Path) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(site)}
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])}
 
 
 def command(site: Path, folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -236,6 +255,38 @@ def test_whatever_ends_the_command_ends_the_suite_and_all_it_started(
     while (is_alive(suite) or is_alive(helper)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not is_alive(suite) and not is_alive(helper)
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 130)])
+def test_what_was_found_before_the_end_from_outside_is_printed_and_written(
+    site: Path, tmp_path: Path, number: signal.Signals, status: int
+) -> None:
+    is_up, printed = tmp_path / "up", tmp_path / "printed"
+    failure = "free-fall failed: free-fall: "
+    with printed.open("w") as output:
+        running = subprocess.Popen(
+            [sys.executable, "-m", "gasp_conformance", "tired", "-k", "free-fall or V2", "--json", "report.json"],
+            cwd=tmp_path,
+            env=environment(site) | {"SLEEPER_IS_UP": str(is_up)},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            deadline = time.monotonic() + 60  # a limit of hanging
+            while not (is_up.exists() and is_up.read_text().endswith(".")) and time.monotonic() < deadline:
+                time.sleep(0.05)
+            # Said while the run goes on.
+            assert failure in printed.read_text()
+            running.send_signal(number)
+            assert running.wait(60) == status
+        finally:
+            running.kill()
+    said = printed.read_text()
+    table = said[said.index("LEVEL") :]
+    assert failure in table and "tired (float64, cpu, full): fails (1 failed)" in table
+    report = read_report(tmp_path / "report.json")
+    assert [(one.name, one.outcome) for one in report.checks] == [("free-fall", Outcome.FAILED)]
+    assert "checks did not run, the first is V2" in report.verdict.reasons[-1]
 
 
 def is_alive(pid: int) -> bool:
@@ -338,6 +389,19 @@ def test_a_process_that_ends_well_in_the_midst_of_a_check_fails(monkeypatch: pyt
     ran, _ = invoke(monkeypatch, replace(REPORT, running="V2", finished=False), 0)
     assert ran.exit_code == 1
     assert "- the process ended by itself with status 0 in check V2" in ran.output
+
+
+def test_a_check_that_does_not_end_when_it_is_interrupted_is_no_lack_of_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_suite(options: Sequence[str], folder: Path) -> int:
+        write_report(replace(REPORT, running="V2", finished=False), folder / "report.json")
+        raise process.SuiteInterrupted(-signal.SIGKILL)
+
+    monkeypatch.setattr(process, "run_suite", run_suite)
+    ran = CliRunner().invoke(conformance, ["flyer", "--json", str(tmp_path / "report.json")])
+    assert "- the process was interrupted in check V2" in ran.output and "memory" not in ran.output
+    assert read_report(tmp_path / "report.json").verdict.reasons == ("the process was interrupted in check V2",)
 
 
 def test_what_is_asked_reaches_the_process(monkeypatch: pytest.MonkeyPatch) -> None:

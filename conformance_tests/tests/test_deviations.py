@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from gasp_conformance import deviations
 from gasp_conformance.deviations import Deviation, DeviationsError, deviations_of, read_deviations
 
 from gasp_core.contract import Determinism, EngineCapabilities, EngineDescriptor, Precision
@@ -39,6 +41,8 @@ def test_a_list_is_read() -> None:
         (TEXT + '[[deviation]]\ncheck = "V1"\nreason = "x"\nwhy = "y"', 'deviation 2: unknown key "why"'),
         ('[[deviation]]\ncheck = "V1"\nreason = "x"\nprecision = "half"', "precision must be float32 or float64"),
         ('[[deviation]]\ncheck = "V1"\nreason = "x"\ndevice = 0', "device must be the name of one, found 0"),
+        ('[[deviation]]\ncheck = "V1"\nreason = "x"\nengine = 0', "engine must be the name of one, found 0"),
+        (TEXT + 'engine = "flyer"\n' + TEXT, '"V12" is listed more than once'),
         (TEXT + TEXT, '"V12" is listed more than once'),
         (TEXT + TEXT + 'precision = "float32"', '"V12" is listed more than once'),
         (TEXT + 'precision = "float32"\n' + TEXT + 'device = "cuda"', '"V12" is listed more than once'),
@@ -60,9 +64,9 @@ def test_and_on_two_devices() -> None:
     assert len(read_deviations(text, "here")) == 2
 
 
-def descriptor(package: str) -> EngineDescriptor:
+def descriptor(package: str, name: str = "flyer") -> EngineDescriptor:
     return EngineDescriptor(
-        name="flyer",
+        name=name,
         summary="flies",
         contract_version=(1, 0),
         capabilities=EngineCapabilities(
@@ -118,6 +122,25 @@ def test_it_names_devices_that_the_engine_declares(package: Path) -> None:
     (package / "gasp-conformance.toml").write_text(TEXT + 'device = "cdua"\n')
     with pytest.raises(DeviationsError, match='"V12": device must be cpu, found "cdua"'):
         deviations_of(descriptor(package.name), "")
+
+
+def test_two_engines_of_one_package_are_told_apart(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flyer, diver = descriptor(package.name), descriptor(package.name, "diver")
+    stranger = descriptor("elsewhere", "stranger")
+    installed = SimpleNamespace(engines={one.name: one for one in (flyer, diver, stranger)})
+    monkeypatch.setattr(deviations, "discover", lambda: installed)
+    both = TEXT.replace("V12", "V2")
+    (package / "gasp-conformance.toml").write_text(
+        f'{TEXT}engine = "flyer"\n{TEXT}engine = "diver"\ndevice = "cpu"\n{both}'
+    )
+    for one in (flyer, diver):
+        assert [(found.check, found.engine) for found in deviations_of(one, "")] == [("V12", one.name), ("V2", None)]
+    for name in ("dover", "stranger"):
+        (package / "gasp-conformance.toml").write_text(f'{TEXT}engine = "{name}"\n')
+        with pytest.raises(
+            DeviationsError, match=rf'engine must be one of this package \(diver, flyer\), found "{name}"'
+        ):
+            deviations_of(flyer, "")
 
 
 def test_or_beside_the_project_that_is_installed_editable(package: Path, tmp_path: Path) -> None:

@@ -263,7 +263,7 @@ def test_the_table_fits_a_terminal_and_shows_the_worst_figure() -> None:
         figure(0.9, 1.0, name="a very long name of a figure that says what was measured, and where, and how"),
     )
     report = replace(REPORT, checks=(*REPORT.checks, long, replace(result("V9", Outcome.ERROR), reason="word " * 60)))
-    lines = [line.text for line in report_lines(report)]
+    lines = [line.text for line in report_lines(report, 10)]
     assert max(len(line) for line in lines) <= NARROWEST
     text = "\n".join(lines)
     assert "core          lifecycle" in text
@@ -275,6 +275,17 @@ def test_the_table_fits_a_terminal_and_shows_the_worst_figure() -> None:
     assert "device:moon not shown: not on this machine" in text
     assert "flyer (float32, cpu, quick): fails (3 passed, 1 failed, 1 error)" in text
     assert lines[-1] == "- failed: V2"
+
+
+def test_where_there_is_no_terminal_nothing_is_cut_or_broken() -> None:
+    sentence = "flyer does not declare that bodies separate from each other where they touch, " * 2
+    named = "V16[" + "rotation by an odd angle " * 4 + "]"
+    undeclared = replace(result(named, Outcome.UNDECLARED), reason=sentence)
+    failed = replace(result("V9", Outcome.FAILED), reason=sentence)
+    lines = [line.text for line in report_lines(replace(REPORT, checks=(undeclared, failed)))]
+    (row,) = (line for line in lines if line.startswith("verification  V16"))
+    assert named in row and sentence.strip() in row
+    assert f"V9 failed: {sentence.strip()}" in lines
 
 
 def test_colours_say_what_the_words_say() -> None:

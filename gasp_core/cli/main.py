@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import io
 import os
 import sys
@@ -38,6 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # File names need not be text; one that is not must not stop the command that prints it.
         sys.stdout.reconfigure(errors="backslashreplace")
+    if not faulthandler.is_enabled():
+        # An engine in native code that breaks down takes this process along: where, is all that is ever said of it.
+        # Where stderr is no file, nobody would read it.
+        with contextlib.suppress(AttributeError, OSError, RuntimeError, ValueError):
+            faulthandler.enable(all_threads=False)
     try:
         status = _run(arguments)
         # Here, not at exit: a full disk behind stdout is an error like any other.

@@ -33,6 +33,24 @@ class EngineCapabilities:
 
     Parameters
     ----------
+    materials
+        Classes of materials that it models.
+    collider_shapes, contact_conditions
+        Shapes that colliders may have, and what may happen where matter touches one.
+    drives, force_fields
+        Classes of drives and of force fields that it applies.
+    output_fields
+        What a session can be asked for; positions always, named or not.
+    conserved
+        What it keeps in the absence of anything that would change it: the suite measures it.
+    devices, precisions
+        In order of preference; the first is the default.
+    domain_policies
+        What may become of points that reach the edge of a domain; `DomainPolicy.EXPAND` asks nothing of an engine.
+    carries_tracers
+        Whether `PointCloud.tracer_positions` may be given, and `Field.TRACER_POSITIONS` be asked for.
+    checkpoints
+        Whether sessions write checkpoints, and begin from one: a run that was stopped goes on then.
     body_contacts
         What may happen where two bodies touch, with friction where they separate; one for all pairs.
     pair_contacts
@@ -83,9 +101,7 @@ class EngineCapabilities:
     output_fields: frozenset[Field]
     conserved: frozenset[Quantity]
     devices: tuple[str, ...]
-    """In order of preference; the first is the default."""
     precisions: tuple[Precision, ...]
-    """In order of preference; the first is the default."""
     determinism: Determinism
     domain_policies: frozenset[DomainPolicy] = frozenset({DomainPolicy.EXPAND})
     temporal_order: float = 1.0

@@ -140,7 +140,15 @@ def _check_window(owner: Drive | ForceField) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """Something that moves the matter in a region of space during [start, end) [s]."""
+    """Something that moves the matter in a region of space for a time.
+
+    Parameters
+    ----------
+    region
+        Where; of a shape that engines declare as `region_shapes`.
+    start, end
+        During [start, end) [s].
+    """
 
     kind: ClassVar[str] = ""
     region: Shape
@@ -185,9 +193,14 @@ class Driven(Drive):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Impulse(Drive):
-    """A total impulse [N s] at time `start` on the points then in the region, shared in proportion to their mass.
+    """A blow at time `start` on the points then in the region, shared in proportion to their mass.
 
     `end` has no meaning for an impulse and must be left alone.
+
+    Parameters
+    ----------
+    impulse
+        On all of them together [N s].
     """
 
     kind: ClassVar[str] = "impulse"
@@ -202,7 +215,15 @@ class Impulse(Drive):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceField:
-    """A force that acts everywhere in a region (None: everywhere) during [start, end) [s]."""
+    """A force that acts on the matter in a region of space for a time.
+
+    Parameters
+    ----------
+    region
+        Where; None: everywhere.
+    start, end
+        During [start, end) [s].
+    """
 
     kind: ClassVar[str] = ""
     region: Shape | None = None
@@ -255,7 +276,15 @@ class DomainPolicy(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Domain:
-    """The box the points live in [m]; with `EXPAND` a first guess only."""
+    """The box the points live in; with `EXPAND` a first guess only.
+
+    Parameters
+    ----------
+    lower, upper
+        Its corners [m].
+    policy
+        What becomes of points that reach its edge.
+    """
 
     lower: Vector
     upper: Vector

@@ -62,7 +62,15 @@ class Material:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Solid(Material):
-    """A material with Young's modulus [Pa] and Poisson's ratio at small strain."""
+    """A material with a stiffness at small strain.
+
+    Parameters
+    ----------
+    youngs_modulus
+        E [Pa], > 0.
+    poissons_ratio
+        nu, > -1 and < 0.5.
+    """
 
     youngs_modulus: float
     poissons_ratio: float

@@ -88,7 +88,39 @@ class PointCloud:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointProblem:
-    """Everything an engine needs to know of a scene."""
+    """Everything an engine needs to know of a scene.
+
+    Parameters
+    ----------
+    points
+        What is moved.
+    materials
+        By their row, `PointCloud.material_ids`.
+    colliders, drives, force_fields
+        In the order in which they act.
+    gravity
+        [m/s^2].
+    domain
+        None: no edge, as with `DomainPolicy.EXPAND`.
+    body_contact
+        How bodies meet that have no contact of their own in `pair_contacts`. The default asks nothing of an engine: one
+        that declares no `EngineCapabilities.body_contacts` lets them meet in its own way.
+    pair_contacts
+        How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first.
+    rigid_parts
+        Rigid bodies that are parts of others that deform, numbers of both: what lies between them holds, however it is
+        pulled. For engines that declare `EngineCapabilities.rigid_parts`.
+    trajectories
+        Of points that are led, for engines that declare `EngineCapabilities.trajectories`.
+    hints
+        What some engines can make use of and none has to: instances of classes that are no part of this contract, e.g.
+        `gasp_core.stepping.grid.GridAnchor`. They decide nothing about the scene.
+
+    Raises
+    ------
+    SceneError
+        Where numbers of materials, bodies or points are none that there are.
+    """
 
     points: PointCloud
     materials: tuple[Material, ...]
@@ -97,20 +129,11 @@ class PointProblem:
     force_fields: tuple[ForceField, ...] = ()
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     domain: Domain | None = None
-    """None: no edge, as with `DomainPolicy.EXPAND`."""
     body_contact: BodyContact = DEFAULT_BODY_CONTACT
-    """How bodies meet that have no contact of their own in `pair_contacts`. The default asks nothing of an engine: one
-    that declares no `EngineCapabilities.body_contacts` lets them meet in its own way."""
     pair_contacts: Mapping[tuple[int, int], BodyContact] = field(default_factory=dict[tuple[int, int], BodyContact])
-    """How two bodies meet, by their numbers in `PointCloud.body_ids`, the lower one first."""
     rigid_parts: Mapping[int, int] = field(default_factory=dict[int, int])
-    """Rigid bodies that are parts of others that deform, numbers of both: what lies between them holds, however it is
-    pulled. For engines that declare `EngineCapabilities.rigid_parts`."""
     trajectories: Trajectories | None = None
-    """Of points that are led, for engines that declare `EngineCapabilities.trajectories`."""
     hints: tuple[object, ...] = ()
-    """What some engines can make use of and none has to: instances of classes that are no part of this contract, e.g.
-    `gasp_core.stepping.grid.GridAnchor`. They decide nothing about the scene."""
 
     def __post_init__(self) -> None:
         finite_vector(self, "gravity")
@@ -171,7 +194,18 @@ class PointProblem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointState:
-    """What a session read out; fields that were not asked for are None."""
+    """What a session read out; fields that were not asked for are None, and arrays are read-only from then on.
+
+    Parameters
+    ----------
+    time
+        Of the state [s].
+    positions : (N, 3) [m]
+    velocities : (N, 3) [m/s] or None
+    deformation_gradients : (N, 3, 3) or None
+        Total or, for plastic materials, elastic.
+    tracer_positions : (M, 3) [m] or None
+    """
 
     time: float
     positions: Array

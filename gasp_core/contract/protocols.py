@@ -39,7 +39,10 @@ class EngineSession(Protocol):
         ...
 
     def read(self, fields: frozenset[Field]) -> PointState:
-        """Positions and the asked fields: owned, read-only, float64 host arrays, in the order given."""
+        """Positions and the asked fields: owned, read-only, C-contiguous float64 host arrays, in the order given.
+
+        Runs convert float32 and another order on the way; the conformance suite does not let them pass.
+        """
         ...
 
     def checkpoint(self) -> Mapping[str, Array]:

@@ -34,7 +34,15 @@ class Shape(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HalfSpace:
-    """Everything below a plane through `point`; `normal` points out of it."""
+    """Everything below a plane.
+
+    Parameters
+    ----------
+    point
+        On the plane [m].
+    normal
+        Out of the matter, of any length.
+    """
 
     kind: ClassVar[str] = "plane"
     point: Vector
@@ -55,7 +63,15 @@ class HalfSpace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoxShape:
-    """A box along the axes."""
+    """A box along the axes.
+
+    Parameters
+    ----------
+    center
+        [m].
+    half_extents
+        Half of its sides [m], > 0.
+    """
 
     kind: ClassVar[str] = "box"
     center: Vector
@@ -88,7 +104,15 @@ class BoxShape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SphereShape:
-    """A ball."""
+    """A ball.
+
+    Parameters
+    ----------
+    center
+        [m].
+    radius
+        [m], > 0.
+    """
 
     kind: ClassVar[str] = "sphere"
     center: Vector

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import EngineSession, Field, PointProblem, PointState, Status, StepReport
+from gasp_core.contract import EngineSession, Field, PointProblem, PointState, StepReport
 from gasp_core.discovery.loading import one_line
+from gasp_core.engines.contract_faults import (
+    ContractFault,
+    checked_checkpoint,
+    checked_report,
+    checked_state,
+    fault_told,
+    shapes_of,
+)
 from gasp_core.engines.passing_session import PassingSession
-from gasp_core.engines.worker.session import shapes_of
 from gasp_core.errors import EngineCrashedError, GaspError
 
 __all__ = ["HeldSession", "held"]
 
 Array = NDArray[Any]
+T = TypeVar("T")
 
 _WHERE = "this is a fault of the engine (set GASP_TRACEBACK=1 to see where)"
-_SAME_TIME = 1e-9
-"""Relative: how far the time of a state may be from the one asked for."""
 
 
 def held(opening: Callable[[], EngineSession], engine: str, problem: PointProblem) -> EngineSession:
@@ -52,7 +58,7 @@ def held(opening: Callable[[], EngineSession], engine: str, problem: PointProble
 class HeldSession(PassingSession):
     """An `EngineSession` that passes everything on, and looks at what comes back.
 
-    A worker of its own process is looked at where its answers are read; engines in this one are only here.
+    What is wrong in a worker of its own is told there already, in the same words; see `contract_faults`.
 
     Parameters
     ----------
@@ -72,60 +78,36 @@ class HeldSession(PassingSession):
 
     def advance_to(self, time: float) -> StepReport:
         """See `EngineSession.advance_to`."""
-        doing = f"advancing to {time:.6g} s"
-        report = self._done(lambda: self._session.advance_to(time), doing)
-        if not isinstance(report, StepReport) or not isinstance(cast("object", report.status), Status):
-            raise self._fault(doing, f"reports {report!r:.60}, which is no StepReport with a Status")
-        if isinstance(cast("object", report.warnings), str):
-            raise self._fault(doing, "gives a text as warnings, which must be a tuple of them")
-        return report
+        return self._held(f"advancing to {time:.6g} s", lambda: checked_report(self._session.advance_to(time)))
 
     def read(self, fields: frozenset[Field]) -> PointState:
-        """See `EngineSession.read`."""
-        doing = f"reading {', '.join(sorted(field.value for field in fields))}"
-        state = self._done(lambda: self._session.read(fields), doing)
-        if not isinstance(state, PointState):
-            raise self._fault(doing, f"gives {state!r:.60}, which is no PointState")
-        # What was asked for; what more it gives is looked at by nobody.
-        for field in {Field.POSITIONS, *fields} & self._shapes.keys():
-            self._look_at(getattr(state, field.value), field, doing)
-        now = self.time
-        if not math.isclose(state.time, now, rel_tol=_SAME_TIME, abs_tol=1e-12):
-            raise self._fault(doing, f"gives a state of {state.time!r} s, where the session is at {now!r} s")
-        return state
+        """See `EngineSession.read`; what is of another precision or order is converted."""
+        return self._held(
+            f"reading {', '.join(sorted(field.value for field in fields))}",
+            lambda: _converted(checked_state(self._session.read(fields), fields, self._shapes, self.time), fields),
+        )
 
     def checkpoint(self) -> Mapping[str, Array]:
         """See `EngineSession.checkpoint`."""
-        doing = "making a checkpoint"
-        found = self._done(self._session.checkpoint, doing)
-        if not isinstance(found, Mapping):
-            raise self._fault(doing, f"gives {found!r:.60}, which is no mapping of arrays")
-        for name, array in cast("Mapping[Any, Any]", found).items():
-            if not isinstance(name, str) or np.asarray(array).dtype.hasobject:
-                raise self._fault(doing, f"gives {array!r:.60} as {name!r:.60}, which is no array of numbers")
-        return cast("Mapping[str, Array]", found)
+        return self._held("making a checkpoint", lambda: checked_checkpoint(self._session.checkpoint()))
 
-    def _look_at(self, values: object, field: Field, doing: str) -> None:
-        if not isinstance(values, np.ndarray):
-            raise self._fault(doing, f"gives {values!r:.60} as {field.value}, which is no array")
-        array = cast("Array", values)
-        # float16 has too few digits for places, and LAPACK none for it.
-        if array.shape != self._shapes[field] or array.dtype.kind != "f" or array.itemsize < 4:
-            raise self._fault(
-                doing,
-                f"gives {field.value} of shape {array.shape} and type {array.dtype}, expected {self._shapes[field]} of"
-                " float32 or float64",
-            )
-
-    def _done(self, call: Callable[[], object], doing: str) -> object:
+    def _held(self, doing: str, call: Callable[[], T]) -> T:
         try:
             return call()
         except GaspError:
             raise
+        except ContractFault as fault:
+            raise EngineCrashedError(f"{self._engine} {fault_told(fault, doing)}") from None
         except SystemExit as error:
-            raise self._fault(doing, f"tries to exit the program (status {error.code!r})") from error
+            exits = f"tries to exit the program (status {error.code!r})"
+            raise EngineCrashedError(f"{self._engine} {fault_told(exits, doing)}") from error
         except Exception as error:
             raise EngineCrashedError(f"{self._engine} failed while {doing}: {one_line(error)}; {_WHERE}") from error
 
-    def _fault(self, doing: str, what: str) -> EngineCrashedError:
-        return EngineCrashedError(f"{self._engine} {what}, while {doing}: this is a fault of the engine")
+
+def _converted(state: PointState, fields: frozenset[Field]) -> PointState:
+    """The same with these fields as float64 and C-contiguous arrays, copied only where they are not."""
+    names = [field.value for field in {Field.POSITIONS, *fields} if getattr(state, field.value) is not None]
+    wanted = {name: np.ascontiguousarray(getattr(state, name), dtype=np.float64) for name in names}
+    other = {name: array for name, array in wanted.items() if array is not getattr(state, name)}
+    return replace(state, **other) if other else state

@@ -24,7 +24,7 @@ from gasp_core.recording.layout import Commit, EngineRecord, Header
 from gasp_core.recording.lock import locked
 from gasp_core.recording.map_record import recorded_maps
 from gasp_core.recording.opening import read_header
-from gasp_core.recording.status import RecordedStatus, read_status
+from gasp_core.recording.status import ENDED_WITHOUT_A_WORD, RecordedStatus, read_status
 from gasp_core.recording.store import Store
 from gasp_core.reduction.all_vertices import block_of
 from gasp_core.reduction.bodies import Body, carried_simplices, matter_turns, moved_gaussians, moved_simplices, shapes
@@ -85,7 +85,7 @@ class Recording(ShownInNotebooks):
         if self.lost:
             return f"damaged: {numbered(self.lost)} lost; gasp verify says more"
         if state.state == "running" and not locked(self.path):
-            return "the process that wrote it ended without a word (killed, or the machine stopped)"
+            return ENDED_WITHOUT_A_WORD
         return state.reason
 
     @property

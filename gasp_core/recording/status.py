@@ -10,7 +10,10 @@ from gasp_core.errors import RecordingError
 from gasp_core.recording.checks import check_status
 from gasp_core.recording.nodes import read_attributes, write_attributes
 
-__all__ = ["RecordedStatus", "read_status", "write_status"]
+__all__ = ["ENDED_WITHOUT_A_WORD", "RecordedStatus", "read_status", "write_status"]
+
+ENDED_WITHOUT_A_WORD = "the process that wrote it ended without a word (killed, crashed, or the machine stopped)"
+"""Said of a recording that is "running", where nobody holds its lock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

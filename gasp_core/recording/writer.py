@@ -25,7 +25,7 @@ from gasp_core.recording.layout import FILES, FORMAT, Commit, Header, commit_att
 from gasp_core.recording.lock import lock
 from gasp_core.recording.nodes import group, read_node, sealed, write_attributes
 from gasp_core.recording.reader import Recording
-from gasp_core.recording.status import RecordedStatus, write_status
+from gasp_core.recording.status import ENDED_WITHOUT_A_WORD, RecordedStatus, write_status
 from gasp_core.recording.store import Store
 from gasp_core.recording.verifying import leading_frames, refuse_damaged
 
@@ -349,12 +349,22 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
     if not recording:
         raise RecordingError(f"{path}: exists and is no recording: choose another name")
     if not overwrite:
-        raise RecordingError(f"{path}: a recording is there already: resume it, choose another name, or overwrite it")
+        raise RecordingError(
+            f"{path}: a recording is there already{_abandoned(path)}: resume it, choose another name, or overwrite it"
+        )
     foreign = _foreign_entry(path)
     if foreign is not None:
         raise RecordingError(f"{foreign}: is not of the recording around it, which is not replaced: move it away")
     os.close(_locked(path))
     return True
+
+
+def _abandoned(path: Path) -> str:
+    """What to say where whoever wrote a recording has ended before it was told how."""
+    try:
+        return f", and {ENDED_WITHOUT_A_WORD}" if Recording.open(path).reason == ENDED_WITHOUT_A_WORD else ""
+    except RecordingError:
+        return ""
 
 
 def _foreign_entry(path: Path) -> Path | None:

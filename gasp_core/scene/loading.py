@@ -89,7 +89,7 @@ def load_camera(path: str | Path) -> CameraChoice:
     top = Table(str(path), "", _tables(_text_of(path), str(path)))
     top.only(*_TOP)
     top.required("camera", "a table [camera]")
-    return _read_camera(top.table("camera"), path.parent)
+    return _read_camera(top.table("camera", "view"), path.parent)
 
 
 def _text_of(path: Path) -> str:
@@ -243,11 +243,11 @@ def _read(top: Table, folder: Path | None) -> Scene:
             "drives": tuple(_read_drive(table) for table in top.tables("drive")),
             "force_fields": tuple(_read_wind(table) for table in top.tables("wind")),
             "domain": top.table("domain").build(Domain) if top.has("domain") else None,
-            "engine": _read_engine(top.table("engine")),
+            "engine": _read_engine(top.table("engine", "name")),
             "accuracy": accuracy.build(EngineAccuracy),
             "maps": top.table("maps").build(MapChoice),
             "recording": top.table("recording").build(RecordingChoice),
-            "camera": _read_camera(top.table("camera"), folder) if top.has("camera") else None,
+            "camera": _read_camera(top.table("camera", "view"), folder) if top.has("camera") else None,
         },
     )
 
@@ -269,7 +269,7 @@ def _read_object(table: Table, folder: Path | None) -> SplatObject:
     if table.has("rotation"):
         values["rotation"] = table.numbers("rotation", (3, 4))
     if table.has("reduction"):
-        reduction = table.table("reduction")
+        reduction = table.table("reduction", "mode")
         mesh: dict[str, Any] = {"mesh": path_of(reduction, "mesh", folder)} if reduction.has("mesh") else {}
         values["reduction"] = reduction.build(Reduction, **mesh)
     if table.has("solid"):

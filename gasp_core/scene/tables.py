@@ -136,11 +136,14 @@ class Table:
             self.fail(key, f"must be one of {', '.join(allowed)}, found {kind_of(name)}{hint}")
         return allowed[name]
 
-    def table(self, key: str) -> Table:
-        """A table inside this one; empty where it is left out."""
+    def table(self, key: str, main: str = "") -> Table:
+        """A table inside this one; empty where it is left out. `main` is the key that a text alone is meant for."""
         value = self.values.get(key, {})
         if not isinstance(value, Mapping):
-            self.fail(key, f"must be a table, found {kind_of(value)}")
+            meant = (
+                f': write {key} = {{ {main} = "{value[:_LONGEST_SHOWN]}" }}' if main and isinstance(value, str) else ""
+            )
+            self.fail(key, f"must be a table, found {kind_of(value)}{meant}")
         return self.at(f"{self.path}.{key}" if self.path else key, cast("Mapping[str, Any]", value))
 
     def tables(self, key: str) -> list[Table]:

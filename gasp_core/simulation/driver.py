@@ -32,6 +32,7 @@ from gasp_core.recording.address_names import address_of, path_here
 from gasp_core.recording.addresses import mirrored, pushing
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
+from gasp_core.recording.status import ENDED_WITHOUT_A_WORD
 from gasp_core.recording.writer import RecordingWriter, refuse_existing
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.reduction.bodies import Body
@@ -193,6 +194,8 @@ def simulate_part(
         header = header_of(scene, whole, path, prepared, chosen, options, on_engine)
         for note in header.notes:
             shown.say(note)
+        if found is not None and found.reason == ENDED_WITHOUT_A_WORD:
+            shown.say(f"{path}: {ENDED_WITHOUT_A_WORD}{_how_to_learn_why(scene, chosen)}")
         writer, last, restart = None, -1, {}
         try:
             if found is not None:
@@ -240,6 +243,14 @@ def _with_trajectories(scene: Scene, prepared: Prepared, shown: Progress) -> Pre
     )
     problem = dataclasses.replace(assembly.problem, trajectories=trajectories)
     return dataclasses.replace(prepared, assembly=dataclasses.replace(assembly, problem=problem))
+
+
+def _how_to_learn_why(scene: Scene, chosen: ChosenEngine) -> str:
+    """What else to try where a process has died that an engine was in: nobody knows whether the engine ended it."""
+    if chosen.engine is not None or chosen.isolated(scene.engine):
+        return ""
+    name = chosen.descriptor.name
+    return f"; if {name} has crashed it, gasp run --isolate (isolate = true under [engine]) tells where"
 
 
 def _carriers_of(found: Recording) -> dict[str, TransferOperator]:

@@ -273,6 +273,8 @@ class FrameLoop:
         accuracy = self._scene.accuracy
         if report.status is Status.SUBSTEP_LIMIT or report.status is Status.OUT_OF_DOMAIN:
             advice = ""  # the engine's own reason says what to do
+        elif report.status is Status.NON_FINITE and self._chosen.descriptor.capabilities.unconditionally_stable:
+            advice = f"; no step is too long for {self._chosen.descriptor.name}, so a shorter one is no remedy"
         elif accuracy.substep is not None:
             advice = f"; try substep = {accuracy.substep / 2:.3g} under [accuracy]"
         else:

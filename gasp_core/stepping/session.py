@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from gasp_core.contract import (
     DomainPolicy,
     EngineAccuracy,
+    Field,
     Impulse,
     PointProblem,
+    PointState,
     Status,
     StepReport,
 )
@@ -78,8 +80,8 @@ class SteppedSession(ABC, Generic[Held]):
     release(held)
         Give back to the backend what is held.
 
-    For these there are `time`, `held()`, which is what is stepped, and `record_steps(count, step, now)`; whoever steps
-    arrays stores the next ones in `_held`.
+    For these there are `time`, `accuracy`, `held()`, which is what is stepped, `hold(held)`, which puts the next
+    arrays in its place, and `record_steps(count, step, now)`.
 
     Parameters
     ----------
@@ -120,6 +122,15 @@ class SteppedSession(ABC, Generic[Held]):
     def time(self) -> float:
         """Simulated time [s]."""
         return self._time
+
+    @property
+    def accuracy(self) -> EngineAccuracy:
+        """The knobs the session was opened with."""
+        return self._accuracy
+
+    @abstractmethod
+    def read(self, fields: frozenset[Field]) -> PointState:
+        """Positions and the asked fields: fresh float64 arrays, C-contiguous, rows in the order given."""
 
     def advance_to(self, time: float) -> StepReport:
         """Advance to exactly `time` [s], landing on everything that starts or ends on the way.
@@ -225,7 +236,7 @@ class SteppedSession(ABC, Generic[Held]):
             raise StoppedError(
                 Status.NON_FINITE,
                 f"{int((~finite).sum())} point(s) are no longer finite, first {first}, with substeps of {step:.3g} s:"
-                " lower substep_fraction, or check the scene's forces",
+                " check the scene's forces",
             )
 
     def refuse_crushed(self, count: int, step: float) -> None:
@@ -258,6 +269,11 @@ class SteppedSession(ABC, Generic[Held]):
         if self._held is None:
             raise ValueError(f"{self._engine}: the session is closed: open a new one")
         return self._held
+
+    def hold(self, held: Held) -> None:
+        """Put the next state in the place of what is held; ValueError where the session is closed."""
+        self.held()
+        self._held = held
 
     def close(self) -> None:
         """Give everything back; may be called twice."""

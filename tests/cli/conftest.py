@@ -121,14 +121,20 @@ def refused(gasp, workplace):
 def gasp_process(workplace):
     """Run ``gasp`` as a process of its own, with distributions of the tests installed."""
 
-    def run(*arguments, fakes=("ballistic",), **options):
+    def run(*arguments, fakes=("ballistic",), variables=(), **options):
         options.setdefault("stdout", subprocess.PIPE)
         return subprocess.run(
             [sys.executable, "-m", "gasp_core.cli.main", *map(str, arguments)],
             cwd=workplace,
             # No bytecode: where a test limits the size of files, half a module would be left in everybody's cache.
             env=os.environ
-            | {"PYTHONPATH": os.pathsep.join(str(FAKES / name) for name in fakes), "PYTHONDONTWRITEBYTECODE": "1"},
+            | {
+                "PYTHONPATH": os.pathsep.join(
+                    [*(str(FAKES / name) for name in fakes), *filter(None, [os.environ.get("PYTHONPATH")])]
+                ),
+                "PYTHONDONTWRITEBYTECODE": "1",
+            }
+            | dict(variables),
             stderr=subprocess.PIPE,
             text=True,
             timeout=120,

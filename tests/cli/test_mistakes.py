@@ -50,6 +50,11 @@ REFUSED = {
     "no material": (MATERIAL, "", "name one, or say static = true"),
     "Poisson's ratio of rubber": ("poissons_ratio = 0.3", "poissons_ratio = 0.5", "use 0.49, or a fluid"),
     "an axis without its sign": ('up = "+z"', 'up = "z"', "must be one of +x, -x, +y, -y, +z, -z"),
+    "a reduction that is a text": (
+        MATERIAL,
+        f'{MATERIAL}\nreduction = "volume"',
+        'reduction: must be a table, found the text "volume": write reduction = { mode = "volume" }',
+    ),
     "a drive that is none": ("[accuracy]", PIN.replace("pinned", "pin"), 'did you mean "pinned"?'),
     "a box by its size": (
         "[accuracy]",
@@ -100,6 +105,16 @@ def test_what_cannot_be_is_refused_with_a_word_about_what_to_do(write, refused, 
     old, new, says = REFUSED[mistake]
     write(old, new)
     refused("run", "scene.toml", says=[says])
+
+
+def test_an_engine_that_is_a_text_is_told_how_it_is_written(workplace, gasp, refused):
+    meant, scene = 'engine = { name = "ballistic" }', workplace / "scene.toml"
+    write_splat(workplace / "toy.ply", make_toy(400))
+    rest = f"[scene]\nduration = 0.08\nframe_rate = 25\n\n{OBJECT}"
+    scene.write_text(f'engine = "ballistic"\n{rest}')
+    refused("run", "scene.toml", says=[f'engine: must be a table, found the text "ballistic": write {meant}'])
+    scene.write_text(f"{meant}\n{rest}")
+    assert gasp("run", "scene.toml", "--frames", 1).status == 0
 
 
 @pytest.mark.parametrize("mistake", TOLD)

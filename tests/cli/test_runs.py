@@ -215,6 +215,26 @@ def wait_until(condition):
         time.sleep(0.02)
 
 
+def test_an_engine_that_breaks_its_process_says_where_and_the_next_run_how_to_learn_more(gasp_process, workplace):
+    def run(*more, **options):
+        return gasp_process(
+            "run", "scene.toml", "--engine", "segfaults", *more, fakes=("ballistic", "segfaults"), **options
+        )
+
+    died = run()
+    assert died.returncode == -signal.SIGSEGV
+    assert "Segmentation fault" in died.stderr and "in advance_to" in died.stderr
+    without_a_word = "the process that wrote it ended without a word (killed, crashed, or the machine stopped)"
+    refused = run()
+    assert refused.returncode == 2 and f"is there already, and {without_a_word}: resume it" in refused.stderr
+    resumed = run("--resume", variables={"SEGFAULTS_IS_GOOD": "1"})
+    assert resumed.returncode == 0, resumed.stderr
+    assert f"scene.gasp: {without_a_word}; if segfaults has crashed it, gasp run --isolate" in resumed.stdout
+    # It ended as it should since.
+    again = run("--resume")
+    assert again.returncode == 0 and "without a word" not in again.stdout
+
+
 @pytest.mark.thorough
 def test_demo_makes_a_scene_one_can_go_on_with(gasp, workplace):
     outcome = gasp("demo", "--engine", "reference-mpm", "--frames", 2)

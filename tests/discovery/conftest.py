@@ -39,7 +39,7 @@ def in_process_of_its_own():
     """Run Python code in a fresh interpreter in which these distributions of the tests are installed."""
 
     def run(arguments, *names):
-        path = os.pathsep.join(str(FAKES / name) for name in names)
+        path = os.pathsep.join([*(str(FAKES / name) for name in names), *filter(None, [os.environ.get("PYTHONPATH")])])
         return subprocess.run(
             [sys.executable, *arguments],
             env=os.environ | {"PYTHONPATH": path},

@@ -12,6 +12,7 @@ import pytest
 
 from gasp_core import EngineChoice, Gaussians, Recording, RecordingChoice, Scene, SplatObject, simulate
 from gasp_core.contract import Elastic, Field
+from gasp_core.engines.held_session import held
 from gasp_core.engines.opening import open_engine, open_worker
 from gasp_core.engines.worker.process import WorkerProcess
 from gasp_core.engines.worker.shared_memory import Block
@@ -105,6 +106,34 @@ def test_the_same_while_the_scene_is_set_up(registry, opened, problem, fault, go
         opened(open_worker(registry.offer("frail"), Limits(opening=3.0)), problem, fault=f"open:{fault}", note=note)
     assert gone(read()["pid"])
     assert len(logs()) == int("its worker printed nothing" not in str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("no report", "reports None, which is no StepReport with a Status, while advancing to 0.2 s: "),
+        ("too few", "gives positions of shape (49, 3) and type float64, expected (50, 3) of float64"),
+        ("late", "gives a state of -0.8 s, where the session is at 0.2 s, while reading positions: "),
+        ("half", "gives positions of shape (50, 3) and type float16, expected (50, 3) of float64"),
+    ],
+)
+def test_what_breaks_the_contract_is_told_in_the_same_words_wherever_the_engine_runs(
+    registry, isolated, opened, problem, gone, told, fault, words
+):
+    note, read = told
+
+    def sentence(engine):
+        session = held(lambda: opened(engine, problem, fault=fault, note=note), "frail", problem)
+        with session, pytest.raises(EngineCrashedError) as caught:
+            session.advance_to(0.2)
+            session.read(frozenset({Field.POSITIONS}))
+        return str(caught.value)
+
+    here = sentence(open_engine(registry.offer("frail")))
+    assert here.startswith(f"frail {words}") and here.endswith(": this is a fault of the engine")
+    assert sentence(isolated) == f'engine "{here}; its worker printed nothing'.replace("frail", 'frail"', 1)
+    # It is of no more use.
+    assert gone(read()["pid"])
 
 
 def test_a_fork_of_this_process_ends_nobody_elses_worker(isolated, opened, problem):

@@ -76,6 +76,18 @@ def test_what_is_right_goes_through():
         assert session.checkpoint()["steps"] == 3
 
 
+def test_single_precision_and_another_order_are_converted_and_what_is_right_is_not_copied():
+    single, sideways = np.eye(4, 3, dtype=np.float32), np.asfortranarray(np.arange(12.0).reshape(4, 3))
+    with opened(read=state(positions=single, velocities=sideways)) as session:
+        shown = session.read(WANTED)
+    for array, given in ((shown.positions, single), (shown.velocities, sideways)):
+        assert array.dtype == np.float64 and array.flags.c_contiguous and not array.flags.writeable
+        np.testing.assert_array_equal(array, given)
+    right = np.eye(4, 3)
+    with opened(read=state(positions=right, velocities=right)) as session:
+        assert session.read(WANTED).positions is right
+
+
 @pytest.mark.parametrize(
     ("parts", "says"),
     [

@@ -171,6 +171,18 @@ def test_a_run_that_is_no_longer_credible_stops_and_keeps_what_was_good(fault, s
         assert np.isfinite(points).all()
 
 
+def test_an_engine_for_which_no_step_is_too_long_is_given_no_shorter_one_as_a_remedy(scene_of, tmp_path):
+    ballistic = flying_points.descriptor()
+    can = dataclasses.replace(ballistic.capabilities, unconditionally_stable=True)
+    engine = (dataclasses.replace(ballistic, capabilities=can), flying_points.Ballistic())
+    for fault, advised in (("nan", False), ("gain", True)):
+        scene = scene_of(options={"fault": fault, "fault_time": 0.2})
+        with pytest.raises(EngineDivergedError) as caught:
+            gasp_core.simulate(scene, engine, tmp_path / f"{fault}.gasp")
+        assert ("try substep_fraction" in str(caught.value)) is advised
+        assert ("no step is too long for ballistic" in str(caught.value)) is not advised
+
+
 def test_an_engine_that_falls_over(scene_of, run, tmp_path):
     with pytest.raises(EngineCrashedError, match=r"ballistic failed while advancing to 0\.2 s: ZeroDivisionError"):
         run(scene_of(options={"fault": "error", "fault_time": 0.2}), tmp_path / "a.gasp")

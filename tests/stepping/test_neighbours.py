@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gasp_core.stepping.neighbours import neighbour_pairs, neighbour_pairs_between
+from gasp_core.stepping.neighbours import neighbour_pairs, neighbour_pairs_between, point_distance
 
 
 @pytest.fixture
@@ -36,3 +36,8 @@ def test_where_there_is_nobody_there_are_no_pairs(clouds):
     none = np.zeros((0, 3))
     assert neighbour_pairs(none, 1.0).shape == (0, 2)
     assert neighbour_pairs_between(clouds[0], none, 1.0).shape == (0, 2)
+
+
+def test_points_at_one_place_count_once():
+    places = np.repeat(np.random.default_rng(2).random((50, 3)), 3, axis=0)
+    assert point_distance(places, np.full(150, 1 / 150)) == pytest.approx(np.cbrt(1 / 50), rel=1e-12)

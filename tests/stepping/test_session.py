@@ -199,3 +199,28 @@ def test_a_body_of_which_a_tenth_is_crushed_ends_the_run() -> None:
     with pytest.raises(StoppedError, match=f"{elastic // 10 + 1} of {elastic} elastic points are flat") as stopped:
         session.refuse_crushed(elastic // 10 + 1, 0.01)
     assert stopped.value.status is Status.CRUSHED
+
+
+def test_a_session_that_cannot_be_read_is_none_and_knobs_and_state_have_public_names() -> None:
+    class Unread(SteppedSession[int]):
+        def step_toward(self, landing: float, end: float) -> None:
+            self.hold(self.held() + 1)
+            self.record_steps(1, landing - self.time, landing)
+
+        def apply_impulse(self, impulse: Impulse) -> None: ...
+
+    accuracy = EngineAccuracy(spacing=0.1)
+    with pytest.raises(TypeError, match="read"):
+        Unread(_problem(), 0, engine="unread", accuracy=accuracy)  # type: ignore[abstract]
+
+    class Read(Unread):
+        def read(self, fields: frozenset[Field]) -> PointState:
+            raise AssertionError
+
+    session = Read(_problem(), 0, engine="read", accuracy=accuracy)
+    assert session.accuracy is accuracy
+    session.advance_to(0.1)
+    assert session.held() == 1
+    session.close()
+    with pytest.raises(ValueError, match="closed"):
+        session.hold(2)

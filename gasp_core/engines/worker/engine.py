@@ -14,11 +14,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gasp_core.contract import EngineAccuracy, EngineDescriptor, EngineSession, PointProblem, Precision
+from gasp_core.engines.contract_faults import shapes_of
 from gasp_core.engines.worker import bootstrap, replies
 from gasp_core.engines.worker.package_paths import lent_for, loans
 from gasp_core.engines.worker.process import WorkerProcess
 from gasp_core.engines.worker.serialization import to_plain
-from gasp_core.engines.worker.session import Limits, WorkerSession, answered, shapes_of
+from gasp_core.engines.worker.session import Limits, WorkerSession, answered
 from gasp_core.engines.worker.shared_memory import Block
 from gasp_core.errors import EngineEnvironmentError
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from gasp_core import errors
 from gasp_core.contract import Status, StepReport
+from gasp_core.engines.contract_faults import ContractFault
 from gasp_core.engines.worker.shared_memory import Layout
 from gasp_core.errors import EngineDivergedError, GaspError
 from gasp_core.io.format_errors import shown
@@ -42,6 +43,8 @@ def failure(told: Any) -> Exception | str:
     kind, words = entries.get("kind"), shown(_text(entries.get("words"), "the words of a failure"))
     if kind is None:
         return words
+    if kind == ContractFault.__name__:
+        return ContractFault(words)
     if kind == "ValueError":
         return ValueError(words)
     if kind == EngineDivergedError.__name__:
@@ -110,8 +113,9 @@ def expected_layout(done: Any, shapes: Mapping[str, tuple[int, ...]]) -> Layout:
     _expect(shapes.keys() <= found.keys(), f"other arrays than {', '.join(sorted(shapes))}")
     layout: Layout = {name: found[name] for name in shapes}
     for name, (kind, shape, _) in layout.items():
-        fits = tuple(shape) == shapes[name] and np.dtype(kind).kind == "f"
-        _expect(fits, f"{name} of shape {tuple(shape)} and type {kind}, expected {shapes[name]} of real numbers")
+        dtype = np.dtype(kind)
+        fits = tuple(shape) == shapes[name] and dtype.kind == "f"
+        _expect(fits, f"{name} of shape {tuple(shape)} and type {dtype}, expected {shapes[name]} of real numbers")
     return layout
 
 

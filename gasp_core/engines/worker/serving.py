@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import traceback
+from collections.abc import Mapping
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -11,6 +12,13 @@ import numpy as np
 from gasp_core import errors
 from gasp_core.contract import EngineSession, Field, PointEngine
 from gasp_core.discovery.loading import attribute_at, contained, one_line
+from gasp_core.engines.contract_faults import (
+    ContractFault,
+    checked_checkpoint,
+    checked_report,
+    checked_state,
+    shapes_of,
+)
 from gasp_core.engines.worker.serialization import from_plain, to_plain
 from gasp_core.engines.worker.shared_memory import Block
 from gasp_core.engines.worker.transport import PROTOCOL, Inbox, Message, send
@@ -43,6 +51,7 @@ class _Desk:
         self._block = block
         self._engines: dict[str, PointEngine] = {}
         self._session: EngineSession | None = None
+        self._shapes: Mapping[Field, tuple[int, ...]] = {}
 
     def do(self, message: Message) -> Any:
         """Carry a message out and return what is to be answered."""
@@ -55,15 +64,16 @@ class _Desk:
         if session is None:
             raise ValueError("no session is open")
         if what == "advance":
-            report = session.advance_to(message["time"])
+            report = checked_report(session.advance_to(message["time"]))
             return {"time": float(session.time), "report": to_plain(report, {})}
         if what == "read":
-            state = session.read(frozenset(Field(name) for name in message["fields"]))
+            fields = frozenset(Field(name) for name in message["fields"])
+            state = checked_state(session.read(fields), fields, self._shapes, session.time)
             arrays = {field.value: getattr(state, field.value) for field in Field}
             shown = {name: np.asarray(array) for name, array in arrays.items() if array is not None}
             return {"time": float(state.time), "layout": self._block.pack(shown)}
         if what == "checkpoint":
-            kept = {name: np.asarray(array) for name, array in session.checkpoint().items()}
+            kept = {name: np.asarray(array) for name, array in checked_checkpoint(session.checkpoint()).items()}
             return {"layout": self._block.pack(kept)}
         if what == "close":
             self._session = None
@@ -75,7 +85,10 @@ class _Desk:
         arrays = self._block.unpack(message["layout"])
         given = from_plain(message["arguments"], arrays)
         engine = self._engine(message["factory"], message["remedy"])
-        self._session = engine.open(given.pop("problem"), **given)
+        problem = given.pop("problem")
+        # Whatever is declared: what is asked for and missing is told of as that.
+        self._shapes = shapes_of(problem, frozenset(Field))
+        self._session = engine.open(problem, **given)
         return {"time": float(self._session.time)}
 
     def _load(self, message: Message) -> None:
@@ -101,6 +114,8 @@ def _failure(error: BaseException) -> Message:
         kind = next(kind.__name__ for kind in type(error).__mro__ if kind.__name__ in errors.__all__)
         report = to_plain(error.report, {}) if isinstance(error, EngineDivergedError) else None
         return {"kind": kind, "words": str(error), "report": report}
+    if isinstance(error, ContractFault):
+        return {"kind": ContractFault.__name__, "words": str(error)}
     if type(error) is ValueError:
         return {"kind": "ValueError", "words": str(error)}
     traceback.print_exception(error)

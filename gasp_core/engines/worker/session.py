@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -12,7 +12,8 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Field, PointProblem, PointState, StepReport
+from gasp_core.contract import Field, PointState, StepReport
+from gasp_core.engines.contract_faults import ContractFault, fault_told
 from gasp_core.engines.worker import replies
 from gasp_core.engines.worker.buffer_pool import Recycling
 from gasp_core.engines.worker.process import WorkerProcess
@@ -20,7 +21,7 @@ from gasp_core.engines.worker.shared_memory import Layout
 from gasp_core.engines.worker.transport import Message
 from gasp_core.errors import EngineCrashedError
 
-__all__ = ["Limits", "WorkerSession", "answered", "shapes_of"]
+__all__ = ["Limits", "WorkerSession", "answered"]
 
 Array = NDArray[Any]
 T = TypeVar("T")
@@ -55,7 +56,7 @@ class WorkerSession:
     time
         It is at [s].
     shapes
-        Of what can be read out, see `shapes_of`.
+        Of what can be read out, see `gasp_core.engines.contract_faults.shapes_of`.
     limits
         How long to wait.
     take_back
@@ -145,19 +146,6 @@ class WorkerSession:
             raise self._worker.crash(f"sent arrays that are not there ({error})") from error
 
 
-def shapes_of(problem: PointProblem, declared: Collection[Field]) -> dict[Field, tuple[int, ...]]:
-    """Shapes of what can be read out of a session of a problem, by an engine that declares these fields."""
-    count, tracers = len(problem.points.reference_positions), problem.points.tracer_positions
-    shapes = {
-        Field.POSITIONS: (count, 3),
-        Field.VELOCITIES: (count, 3),
-        Field.DEFORMATION_GRADIENTS: (count, 3, 3),
-    }
-    if tracers is not None:
-        shapes[Field.TRACER_POSITIONS] = (len(tracers), 3)
-    return {field: shape for field, shape in shapes.items() if field in declared or field is Field.POSITIONS}
-
-
 def answered(
     worker: WorkerProcess, message: Message, doing: str, read: Callable[[Any], T], limit: float, remedy: str = ""
 ) -> T:
@@ -184,6 +172,8 @@ def answered(
         failed = replies.failure(answer["failed"])
     except ValueError as error:
         raise worker.crash(f"sent what is no answer while {doing} ({error})") from None
+    if isinstance(failed, ContractFault):
+        raise worker.crash(fault_told(failed, doing))
     if isinstance(failed, str):
         raise worker.crash(f"failed while {doing}: {failed}")
     raise failed

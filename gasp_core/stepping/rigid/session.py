@@ -51,7 +51,7 @@ class RigidSession(SteppedSession[RigidSide]):
         """A few equal steps towards `landing`."""
         side = self.held()
         limits = _limits(side, self._time, self._spacing)
-        allowed = substep_size(limits, self._spacing, self._accuracy)
+        allowed = substep_size(limits, self._spacing, self.accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         taking = min(count, max(1, int(min(_CYCLE, limits.lasting(_CYCLE_TRAVEL * self._spacing) / step))))

@@ -92,7 +92,7 @@ class GenesisSession(SteppedSession[Performance]):
     def step_toward(self, landing: float, end: float) -> None:
         """A few equal substeps towards `landing`."""
         limits = self._limits()
-        allowed = substep_size(limits, self._spacing, self._accuracy)
+        allowed = substep_size(limits, self._spacing, self.accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))

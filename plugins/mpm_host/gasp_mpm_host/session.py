@@ -223,7 +223,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
     def step_toward(self, landing: float, end: float) -> None:
         """One batch of equal steps towards `landing`."""
         limits = self._limits(self._survey)
-        allowed = substep_size(limits, self._units.spacing, self._accuracy)
+        allowed = substep_size(limits, self._units.spacing, self.accuracy)
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._units.spacing) / step))

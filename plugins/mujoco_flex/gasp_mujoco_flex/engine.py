@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision, Rigid, SignedDistanceField
 from gasp_core.errors import SceneError
 from gasp_core.stepping.body_shape import body_shapes
+from gasp_core.stepping.neighbours import point_distance
 from gasp_core.stepping.voxel_cage import voxel_grid_around
 from gasp_mujoco_flex.body_mass import matter_of
 from gasp_mujoco_flex.cage import Cage, cage_of
@@ -19,7 +20,7 @@ from gasp_mujoco_flex.model import build_model
 from gasp_mujoco_flex.plugin import MujocoOptions
 from gasp_mujoco_flex.rigid import RigidBody, rigid_body
 from gasp_mujoco_flex.session import MujocoSession
-from gasp_mujoco_flex.voxel_grid import node_count, point_distance
+from gasp_mujoco_flex.voxel_grid import node_count
 
 __all__ = ["MujocoFlex"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gasp_mujoco_flex.colliders import HOLLOW_DIRECTIONS
 from gasp_mujoco_flex.rigid import merged_boxes
-from gasp_mujoco_flex.voxel_grid import node_count, point_distance
+from gasp_mujoco_flex.voxel_grid import node_count
 
 from gasp_core.errors import SceneError
 from gasp_core.stepping.enclosure import enclosed
@@ -28,11 +28,6 @@ def test_a_hollow_ball_is_filled_and_its_outside_is_not():
     diagonal = float(np.linalg.norm(grid.sides))
     inside = 4 / 3 * np.pi * (1 - diagonal) ** 3
     assert len(middles) * grid.sides.prod() > inside
-
-
-def test_points_at_one_place_count_once():
-    places = np.repeat(np.random.default_rng(2).random((50, 3)), 3, axis=0)
-    assert point_distance(places, np.full(150, 1 / 150)) == pytest.approx(np.cbrt(1 / 50), rel=1e-12)
 
 
 def test_nodes_are_those_of_occupied_cells():

@@ -125,7 +125,7 @@ class ReferenceSession(SteppedSession[Motion]):
         """A few equal substeps towards `landing`."""
         motion = self.held()
         limits = self._limits(motion)
-        allowed = substep_size(limits, self._spacing, self._accuracy)
+        allowed = substep_size(limits, self._spacing, self.accuracy)
         self.refuse_too_many(allowed, end)
         remaining = landing - self._time
         count, step = substeps_to(remaining, allowed)
@@ -162,7 +162,7 @@ class ReferenceSession(SteppedSession[Motion]):
             self._held_back |= held
             self._refuse_leap(motion, now, step)
             motion = self._clamped(motion)
-        self._held = motion
+        self.hold(motion)
         # The last cycle lands on the very number that was asked for, not on a sum of steps.
         self.record_steps(taking, step, landing if taking == count else start + taking * step)
 
@@ -197,7 +197,7 @@ class ReferenceSession(SteppedSession[Motion]):
             given = self._rigid.impulse(impulse, places)
         if given is not None:
             struck, change = given
-            self._held = replace(motion, velocities=motion.velocities + struck[:, None] * change)
+            self.hold(replace(motion, velocities=motion.velocities + struck[:, None] * change))
 
     def _clamped(self, motion: Motion) -> Motion:
         """Points that slipped through a clamping edge, brought back onto it, stopped at it, and remembered."""

@@ -149,8 +149,10 @@ class Session:
         self.time = time
         status, warnings = Status.OK, ()
         match self._fault():
-            case "" | "stretch" | "close":
+            case "" | "stretch" | "close" | "too few" | "late" | "half":
                 pass
+            case "no report":
+                return None
             case "nan":
                 self.positions[3] = np.nan
             case "gain":
@@ -184,9 +186,19 @@ class Session:
         if self._fault() == "stretch":
             eye *= 3.0
         tracers = self.problem.points.tracer_positions
+        time, positions = self.time, self.positions.copy()
+        match self._fault():
+            case "too few":
+                positions = positions[:-1]
+            case "late":
+                time -= 1.0
+            case "half":
+                positions = positions.astype(np.float16)
+            case _:
+                pass
         return PointState(
-            time=self.time,
-            positions=self.positions.copy(),
+            time=time,
+            positions=positions,
             velocities=self.velocities.copy() if Field.VELOCITIES in fields else None,
             deformation_gradients=eye if Field.DEFORMATION_GRADIENTS in fields else None,
             tracer_positions=(

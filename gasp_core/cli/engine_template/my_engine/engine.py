@@ -65,13 +65,13 @@ class Session(SteppedSession[Motion]):
     def step_toward(self, landing: float, end: float) -> None:
         """One step towards `landing` [s]. This is where your own stepping goes."""
         motion = self.held()
-        longest = self._accuracy.substep or self._accuracy.substep_fraction * allowed_step(self._bodies, motion)
+        longest = self.accuracy.substep or self.accuracy.substep_fraction * allowed_step(self._bodies, motion)
         # Ends the advance, with a reason, where the user's limit does not allow for so many steps.
         self.refuse_too_many(longest, end)
         count, step = substeps_to(landing - self.time, longest)
         # What is no longer finite is not silenced but looked for in `check_state`.
         with np.errstate(over="ignore", invalid="ignore"):
-            self._held = flown(self._bodies, motion, self._gravity, step)
+            self.hold(flown(self._bodies, motion, self._gravity, step))
         # The last step lands on the very number that was asked for, not on a sum of steps.
         self.record_steps(1, step, landing if count == 1 else self.time + step)
 
@@ -80,7 +80,7 @@ class Session(SteppedSession[Motion]):
         motion = self.held()
         given = impulse_change(impulse, places(self._bodies, motion), self._bodies.masses)
         if given is not None:
-            self._held = pushed(self._bodies, motion, *given)
+            self.hold(pushed(self._bodies, motion, *given))
 
     def check_state(self, step: float) -> None:
         """End the advance, with a reason, where a point is no longer finite."""
