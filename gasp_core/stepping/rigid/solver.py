@@ -273,9 +273,9 @@ def _rubbed(
 ) -> tuple[float, float]:
     """Impulse [N s] of friction in both directions across a normal, no larger than `limit` [N s].
 
-    What stops both where that is allowed; otherwise a step against what slides, drawn back onto the circle (de Saxce and
-    Feng 1998, "The bipotential method"). It stays where it is only if it is opposite to what slides: a bound on each
-    direction beside what the other has would hold any other place on the circle as well.
+    What stops both where that is allowed; otherwise a step against what slides, drawn back onto the circle (de Saxce
+    and Feng 1998, "The bipotential method"). It stays where it is only if it is opposite to what slides: a bound on
+    each direction beside what the other has would hold any other place on the circle as well.
 
     Parameters
     ----------
