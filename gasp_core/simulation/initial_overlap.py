@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Collider, PointProblem, Rigid, Side, SignedDistanceField
+from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.rigid_motion import pose_of
 
 __all__ = ["rigid_bodies_overlap", "starts_inside"]
@@ -61,23 +62,44 @@ def starts_inside(problem: PointProblem, spacing: float, names: Sequence[str]) -
 def rigid_bodies_overlap(problem: PointProblem) -> bool:
     """Whether a rigid body may start inside a collider or another rigid one, out of which it will be pushed.
 
-    Boxes around bodies tell of two that they do not overlap; where the boxes do, the bodies may.
+    Of colliders it is asked with the surface that touches them, which may be outside of all points. Boxes around bodies
+    tell of two that they do not overlap; where the boxes do, the bodies may.
     """
     points = problem.points
     half = 0.5 * np.cbrt(points.reference_volumes)[:, None]
+    known = body_shapes(problem)
     boxes: list[tuple[Array, Array]] = []
     for body in np.unique(points.body_ids):
-        own = points.body_ids == body
+        own = np.flatnonzero(points.body_ids == body)
         if not all(isinstance(problem.materials[row], Rigid) for row in np.unique(points.material_ids[own])):
             continue
         places = points.reference_positions[own]
         if any((_room(collider, places) < 0).any() for collider in problem.colliders):
             return True
-        boxes.append(((places - half[own]).min(axis=0), (places + half[own]).max(axis=0)))
+        corners = [places - half[own], places + half[own]]
+        if problem.colliders or int(body) in known:
+            surface, slacks = _surface(problem, own, known.get(int(body)))
+            if any((_room(collider, surface) < -slacks).any() for collider in problem.colliders):
+                return True
+            corners.append(surface)
+        reached = np.concatenate(corners)
+        boxes.append((reached.min(axis=0), reached.max(axis=0)))
     return any(
         bool((low < other_high).all() and (other_low < high).all())
         for (low, high), (other_low, other_high) in itertools.combinations(boxes, 2)
     )
+
+
+def _surface(problem: PointProblem, rows: Array, known: SignedDistanceField | None) -> tuple[Array, Array]:
+    """Places (S, 3) [m] on the surface of the rigid body of the points `rows`, and by how much (S,) [m] each may be in
+    a collider before it is pushed out."""
+    # Only where something is rigid: what it imports takes half a second.
+    from gasp_core.stepping.rigid.contacts import SLACK
+    from gasp_core.stepping.rigid.surfaces import RigidSurfaces, cubes_field
+
+    field = cubes_field(problem.points, rows) if known is None else known
+    surfaces = RigidSurfaces.of([field], problem.points.reference_positions[rows[:1]])
+    return surfaces.samples, SLACK * surfaces.reaches
 
 
 def _room(collider: Collider, positions: Array) -> Array:

@@ -19,6 +19,7 @@ from gasp_core.contract import (
     SphereShape,
 )
 from gasp_core.simulation.initial_overlap import rigid_bodies_overlap, starts_inside
+from gasp_core.stepping.body_shape import BodyShape
 
 FLOOR = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
 TANK = Collider(shape=BoxShape(center=(0.0, 0.0, 0.0), half_extents=(1.0, 1.0, 1.0)), side=Side.INSIDE)
@@ -77,7 +78,7 @@ def test_of_a_field_no_kind_is_told() -> None:
     assert "start inside collider 1, the deepest by" in line
 
 
-def rigid(positions, *colliders: Collider, bodies=0) -> PointProblem:
+def rigid(positions, *colliders: Collider, bodies=0, hints=()) -> PointProblem:
     points = PointCloud(
         reference_positions=positions,
         initial_velocities=np.zeros((len(positions), 3)),
@@ -85,7 +86,14 @@ def rigid(positions, *colliders: Collider, bodies=0) -> PointProblem:
         material_ids=np.zeros(len(positions)),
         body_ids=np.broadcast_to(bodies, len(positions)),
     )
-    return PointProblem(points=points, materials=(Rigid(density=1000.0),), colliders=colliders)
+    return PointProblem(points=points, materials=(Rigid(density=1000.0),), colliders=colliders, hints=hints)
+
+
+def box_shape(low: float) -> tuple[BodyShape]:
+    """Half a metre wide and high, from a height on."""
+    box = BoxShape(center=(0.0, 0.0, low + 0.25), half_extents=(0.25, 0.25, 0.25))
+    field = SignedDistanceField.sampled(box, (-0.25, -0.25, low), (0.25, 0.25, low + 0.5), 0.05)
+    return (BodyShape(body=0, shape=field),)
 
 
 def test_rigid_bodies_come_out_and_are_told_so() -> None:
@@ -97,7 +105,16 @@ def test_rigid_bodies_come_out_and_are_told_so() -> None:
     ("problem", "overlaps"),
     [
         (rigid([[0, 0, -0.01], [0, 0, 1]], FLOOR), True),
-        (rigid([[0, 0, 0.01], [0, 0, 1]], FLOOR), False),
+        (rigid([[0, 0, 0.3]], FLOOR), False),
+        # Of a body that is known by its points alone cubes of a decimetre touch the floor.
+        (rigid([[0, 0, 0.05]], FLOOR), False),
+        (rigid([[0, 0, 0.04]], FLOOR), True),
+        # A surface that is known may be lower than any of them, by a millimetre as by a centimetre.
+        (rigid([[0, 0, 0.2]], FLOOR, hints=box_shape(0.0)), False),
+        (rigid([[0, 0, 0.2]], FLOOR, hints=box_shape(-0.001)), True),
+        (rigid([[0, 0, 0.2]], FLOOR, hints=box_shape(-0.01)), True),
+        (rigid([[0, 0, 0.2], [0, 0, 0.52]], bodies=[0, 1], hints=box_shape(0.0)), True),
+        (rigid([[0, 0, 0.2], [0, 0, 0.56]], bodies=[0, 1], hints=box_shape(0.0)), False),
         # Cubes of a decimetre, the first of them two.
         (rigid([[0, 0, 1], [1, 0, 1], [0.5, 0.05, 1]], bodies=[0, 0, 1]), True),
         (rigid([[0, 0, 1], [1, 0, 1], [0.5, 0.11, 1]], bodies=[0, 0, 1]), False),

@@ -16,17 +16,17 @@ from gasp_core.stepping.rigid.surfaces import RigidSurfaces, onto, unit
 from gasp_core.stepping.rigid_motion import pose_of
 from gasp_core.stepping.walls import wall_distances, wall_surface
 
-__all__ = ["CONDITIONS", "NO_BODY", "Contacts", "contacts_of", "relative_velocities"]
+__all__ = ["CONDITIONS", "NO_BODY", "SLACK", "Contacts", "contacts_of", "relative_velocities"]
 
 Array = NDArray[Any]
 
 CONDITIONS = {ContactCondition.STICK: 0, ContactCondition.SLIP: 1, ContactCondition.SEPARATE: 2}
 NO_BODY = -1
 """In place of a body: a wall."""
+SLACK = 2e-3
+"""Of a sample's reach: surfaces may overlap by so much."""
 _NEAR = 0.05
 """Of a sample's reach: surfaces this near to each other are looked at, besides those that may meet within the step."""
-_SLACK = 2e-3
-"""Of a sample's reach: surfaces may overlap by so much."""
 _CLOSER = 2
 _FLAT = 30.0
 """Times a sample's reach: what is bent by less is a face. A ball has 8."""
@@ -195,7 +195,7 @@ def _with_wall(seen: _Seen, body: int, wall: Collider, number: int, time: float,
     way = step * (speed + float(np.linalg.norm(own, axis=1).max()))
     # What is beyond the reach of a sample is within that of another one. Of what rolls it is the part that comes down
     # next: it is turned out of the way before it touches, which a step that goes straight on does not know.
-    known = flat | within | (gaps < -_SLACK * reaches[near])
+    known = flat | within | (gaps < -SLACK * reaches[near])
     kept = _known(gaps < _NEAR * reaches[near] + way, known, gaps)
     return _made(
         body,
@@ -292,7 +292,7 @@ def _made(
         places=places,
         normals=normals,
         gaps=gaps,
-        slacks=_SLACK * reaches,
+        slacks=SLACK * reaches,
         nears=_NEAR * reaches,
         velocities=velocities,
         turns=turns,

@@ -239,6 +239,64 @@ def settle_nodes(
         nodes[k, 2] += cz
 
 
+@numba.njit(inline="always", error_model="numpy")
+def _speed_of(c: int, d: int, first: Array, second: Array, rows: Array, velocities: Array, offsets: Array) -> float:
+    """Relative velocity [m/s] at a contact along a row of its frame."""
+    speed = -offsets[c, d]
+    for side in range(2):
+        b = first[c] if side == 0 else second[c]
+        if b >= 0:
+            for i in range(6):
+                speed += rows[c, d, side, i] * velocities[b, i]
+    return speed
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _given(
+    c: int, d: int, after: float, first: Array, second: Array, pushes: Array, velocities: Array, impulses: Array
+) -> float:
+    """Let a contact's impulse along a row of its frame be `after` [N s]; returns by how much it has changed."""
+    change = after - impulses[c, d]
+    if change != 0.0:
+        impulses[c, d] = after
+        for side in range(2):
+            b = first[c] if side == 0 else second[c]
+            if b >= 0:
+                for i in range(6):
+                    velocities[b, i] += change * pushes[c, d, side, i]
+    return change
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _rubbed(
+    impulse: tuple[float, float], speed: tuple[float, float], shares: tuple[float, float, float], limit: float
+) -> tuple[float, float]:
+    """Impulse [N s] of friction in both directions across a normal, no larger than `limit` [N s].
+
+    What stops both where that is allowed; otherwise a step against what slides, drawn back onto the circle (de Saxce
+    and Feng 1998, "The bipotential method"). It stays where it is only if it is opposite to what slides: a bound on
+    each direction beside what the other has would hold any other place on the circle as well.
+
+    Parameters
+    ----------
+    impulse, speed
+        As they are [N s], [m/s].
+    shares
+        What an impulse in each direction changes of the speed in it [1/kg], and of that in the other.
+    """
+    one, two, both = shares
+    whole = one * two - both * both
+    x = impulse[0] - (two * speed[0] - both * speed[1]) / whole
+    y = impulse[1] - (one * speed[1] - both * speed[0]) / whole
+    if x * x + y * y <= limit * limit:
+        return x, y
+    # The longest step that overshoots in no direction.
+    most = 0.5 * (one + two) + (0.25 * (one - two) ** 2 + both * both) ** 0.5
+    x, y = impulse[0] - speed[0] / most, impulse[1] - speed[1] / most
+    drawn = min(1.0, limit / max((x * x + y * y) ** 0.5, 1e-300))
+    return drawn * x, drawn * y
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def solve(
     inverses: Array,
@@ -281,6 +339,7 @@ def solve(
     pushes = np.zeros((count, 3, 2, 6))
     rows = np.zeros((count, 3, 2, 6))
     shares = np.zeros((count, 3))
+    mixed = np.zeros(count)
     for c in range(count):
         for d in range(3):
             nx, ny, nz = frames[c, d, 0], frames[c, d, 1], frames[c, d, 2]
@@ -300,43 +359,32 @@ def solve(
                         total += inverses[b, i, j] * rows[c, d, side, j]
                     pushes[c, d, side, i] = total
                     shares[c, d] += total * rows[c, d, side, i]
+                    if d == 2:
+                        mixed[c] += total * rows[c, 1, side, i]
                 for i in range(6):
                     velocities[b, i] += impulses[c, d] * pushes[c, d, side, i]
     for sweep in range(sweeps):
         largest = 0.0
         for c in range(count):
+            if shares[c, 0] <= 0.0:
+                continue
             sticks, slips = conditions[c] == _STICK, conditions[c] == _SLIP
-            for d in range(3):
-                if shares[c, d] <= 0.0 or (d > 0 and not sticks and frictions[c] == 0.0):
-                    continue
-                speed = -offsets[c, d]
-                for side in range(2):
-                    b = first[c] if side == 0 else second[c]
-                    if b >= 0:
-                        for i in range(6):
-                            speed += rows[c, d, side, i] * velocities[b, i]
-                before = impulses[c, d]
-                if d == 0:
-                    after = before + (targets[c] - speed) / shares[c, d]
-                    if not (sticks or slips):
-                        after = max(after, 0.0)
-                else:
-                    after = before - speed / shares[c, d]
-                    if not sticks:
-                        other = impulses[c, 3 - d]
-                        limit = frictions[c] * impulses[c, 0]
-                        room = limit * limit - other * other
-                        most = room**0.5 if room > 0.0 else 0.0
-                        after = min(max(after, -most), most)
-                change = after - before
-                if change != 0.0:
-                    impulses[c, d] = after
-                    largest = max(largest, abs(change) * shares[c, d])
-                    for side in range(2):
-                        b = first[c] if side == 0 else second[c]
-                        if b >= 0:
-                            for i in range(6):
-                                velocities[b, i] += change * pushes[c, d, side, i]
+            speed = _speed_of(c, 0, first, second, rows, velocities, offsets)
+            after = impulses[c, 0] + (targets[c] - speed) / shares[c, 0]
+            if not (sticks or slips):
+                after = max(after, 0.0)
+            change = _given(c, 0, after, first, second, pushes, velocities, impulses)
+            largest = max(largest, abs(change) * shares[c, 0])
+            if not sticks and frictions[c] == 0.0:
+                continue
+            limit = np.inf if sticks else frictions[c] * impulses[c, 0]
+            one = _speed_of(c, 1, first, second, rows, velocities, offsets)
+            two = _speed_of(c, 2, first, second, rows, velocities, offsets)
+            across = (impulses[c, 1], impulses[c, 2])
+            rubbed = _rubbed(across, (one, two), (shares[c, 1], shares[c, 2], mixed[c]), limit)
+            for d in range(1, 3):
+                change = _given(c, d, rubbed[d - 1], first, second, pushes, velocities, impulses)
+                largest = max(largest, abs(change) * shares[c, d])
         if largest <= tolerance:
             return sweep + 1
     return sweeps

@@ -2,7 +2,8 @@
 
 Trilinear distances have a kink at every cell, on which a ball would roll as a polyhedron does, losing speed at each of
 its edges. Here they are interpolated by quadratic B-splines, whose gradient has none: of a ball of radius R on nodes h
-apart the surface is everywhere the same h^2 / 4 R too far in.
+apart the surface is everywhere the same h^2 / 4 R too far in. Edges are rounded by it: a block stands on what is 3/4 h
+within its own. Splines that go through the values at the nodes would do less, and have ripples on faces beside them.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _MOST_NODES = 160
 _SAMPLES = 800
 """Places on the surface of a body, about."""
 _NEIGHBOURS = 7
+_ALIKE = 1e-6
+"""Of the way between samples: what differs by less differs by rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +143,8 @@ def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
     origin = (low + high - spacing * (counts - 1)) / 2
     nodes = origin + spacing * np.indices(tuple(counts)).reshape(3, -1).T
     near = min(8, len(places))
-    _, index = KDTree(places).query(nodes, k=near, p=np.inf)
+    # By their middles' straight distances: along one axis dozens of cubes are as far, and the nearest may be left out.
+    _, index = KDTree(places).query(nodes, k=near)
     nearest = index.reshape(len(nodes), near)
     offsets = nodes[:, None] - places[nearest]
     beyond = np.sign(offsets) * np.maximum(np.abs(offsets) - halves[nearest][..., None], 0.0)
@@ -168,7 +172,8 @@ def cubes_field(points: PointCloud, rows: Array) -> SignedDistanceField:
 def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
     """Places (S, 3) [m] on the surface, normals (S, 3), reaches (S,) [m] and radii of curvature (S,) [m]."""
     values = field.values.astype(np.float64)
-    near = np.argwhere(np.abs(values) < field.spacing)
+    # With those a cell away, whose distance is a cell but for rounding.
+    near = np.argwhere(np.abs(values) < 1.01 * field.spacing)
     places = np.asarray(field.origin) + field.spacing * near
     flat, shape, origin = values.reshape(-1), np.array(values.shape), np.asarray(field.origin, dtype=np.float64)
     for _ in range(3):
@@ -178,10 +183,7 @@ def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
     places = places[np.abs(found[:, 0]) < 0.1 * field.spacing]
     # As many as were asked for, whatever the body's shape: the surface has an area of about a spacing squared a node.
     apart = field.spacing * max(1.0, np.sqrt(0.5 * len(places) / _SAMPLES))
-    cells = np.floor((places - places.min(axis=0)) / apart).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
-    extremes = np.concatenate([places.argmin(axis=0), places.argmax(axis=0)])
-    places = places[np.unique(np.concatenate([first, extremes]))]
+    places = places[_spread(places - (origin + 0.5 * field.spacing * (shape - 1)), apart)]
     found = distances(flat, 0, shape, origin, field.spacing, places)
     normals = unit(found[:, 1:])
     around = min(_NEIGHBOURS, len(places))
@@ -189,6 +191,23 @@ def _sampled(field: SignedDistanceField) -> tuple[Array, Array, Array, Array]:
     turns = np.linalg.norm(normals[index] - normals[:, None], axis=2)
     bends = np.where(turns > 1e-9, ways / np.maximum(turns, 1e-9), np.inf)[:, 1:].min(axis=1, initial=1e9 * apart)
     return places, normals, np.full(len(places), apart), bends
+
+
+def _spread(places: Array, apart: float) -> Array:
+    """Rows of places (K, 3) [m], about the middle of a body, that are `apart` [m] or more from each other, about.
+
+    Of each cell the one that is farthest out, so that what stands does so on all of its base. Cells are counted from
+    the middle to both sides, and what rounding alone tells apart is as far: opposite faces of a block are alike,
+    wherever in the scene it lies.
+    """
+    counted = np.rint(places / (_ALIKE * apart)).astype(np.int64)
+    ways, sides = np.abs(counted), np.sign(counted)
+    cells = sides * (1 + np.floor(_ALIKE * (ways + 1)).astype(np.int64))
+    out = np.rint(np.linalg.norm(ways, axis=1))
+    order = np.lexsort((*ways.T, -out))
+    _, first = np.unique(cells[order], axis=0, return_index=True)
+    extremes = np.concatenate([counted.argmin(axis=0), counted.argmax(axis=0)])
+    return np.unique(np.concatenate([order[first], extremes]))
 
 
 @numba.njit(inline="always", error_model="numpy")

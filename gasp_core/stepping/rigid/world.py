@@ -276,7 +276,8 @@ class RigidWorld:
             before = before + share * change
         after = met[0].copy()
         settle_nodes(centers, found, *places, after, nodes.normals, gates)
-        after += nodes.velocities - met[0]
+        # By how much it changes: what does not touch keeps what it has, however fast a gap would close in a short step.
+        after = nodes.velocities + (after - met[0])
         after[nodes.led] = nodes.velocities[nodes.led]
         return found, after
 

@@ -73,3 +73,26 @@ def test_two_blocks_that_meet_keep_their_momenta_and_gain_no_energy(seed, fricti
     scale = float(world.bodies.masses.sum()) * 10
     np.testing.assert_allclose(straight, momentum, atol=1e-12 * scale)
     np.testing.assert_allclose(turned, turning, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
+@pytest.mark.parametrize("cells", [(4, 4, 4), (5, 4, 2)])
+@pytest.mark.parametrize("away", [(0.0, 0.0), (5.0, -3.0), (1000.0, 0.0)])
+def test_friction_takes_its_share_of_what_stops_and_throws_back_a_block_wherever_it_lands(restitution, cells, away):
+    friction, step = 0.4, 5e-4
+    center = (away[0] * SIDE, away[1] * SIDE, 0.5 * cells[2] * SIDE + 1e-5)
+    points = block(cells, SIDE, center)
+    floor = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)), friction=friction)
+    bouncing = Rigid(density=800.0, restitution=restitution)
+    start = np.array([1.0, 0.3, -1.0])
+    gravity = (0.0, 0.0, -GRAVITY)
+    problem = problem_of([points], SIDE, [start], [bouncing], gravity=gravity, colliders=(floor,))
+    world = RigidWorld.of(problem, rigid_bodies_of(problem), None, "tested")
+    world.step(0.0, step)
+    given = world.state.velocities[0] - start - step * np.array(gravity)
+    assert given[2] > 0.9 * (1 + restitution)
+    # Every contact is found to a hundred thousandth of what gravity gives in a step, some tens of them.
+    tolerance = 50 * 1e-5 * GRAVITY * step
+    np.testing.assert_allclose(given[:2], -friction * given[2] * start[:2] / np.linalg.norm(start[:2]), atol=tolerance)
+    # It stands on all of its base, and so goes on without a turn.
+    np.testing.assert_allclose(world.state.angular_velocities(world.bodies), 0.0, atol=tolerance / SIDE)

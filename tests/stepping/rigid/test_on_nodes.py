@@ -72,3 +72,33 @@ def test_without_the_least_value_on_the_way_heavy_nodes_rub_too_hard(monkeypatch
         across = np.linalg.norm(impulses[:, :2], axis=1)
         excess = max(excess, across.sum() / -impulses[:, 2].sum() / FRICTION - 1)
     assert excess > 1.0
+
+
+@pytest.mark.parametrize("step", [STEP, 1e-10, 5.5e-17])
+def test_what_has_room_keeps_its_velocity_to_the_last_bit_however_short_the_step_is(step):
+    """A gap over a step is a speed that may be large: none of it stays behind in what does not touch."""
+    problem = problem_of(
+        [block((4, 4, 4), SIDE, (0.0, 0.0, 2 * SIDE)), block((8, 8, 2), SIDE, (0.0, 0.0, -SIDE))],
+        SIDE,
+        materials=[Rigid(density=500.0), Elastic(density=500.0, youngs_modulus=1e5, poissons_ratio=0.3)],
+        gravity=(0.0, 0.0, 0.0),
+    )
+    world = RigidSide.of(problem, None, "tested").world
+    rng = np.random.default_rng(0)
+    places = block((5, 5, 1), SIDE)
+    count = len(places)
+    nodes = GridNodes(
+        rigid=np.zeros(count, dtype=np.int64),
+        others=np.ones(count, dtype=np.int64),
+        places=places,
+        velocities=rng.normal(scale=0.1, size=(count, 3)),
+        masses=rng.uniform(1e-3, 1e-2, count),
+        normals=np.tile([0.0, 0.0, -1.0], (count, 1)),
+        gaps=rng.uniform(0.1, 0.3, count) * SIDE,
+        welded=np.zeros(count, dtype=bool),
+        wanted=np.zeros((count, 3)),
+        led=np.zeros(count, dtype=bool),
+        held_together=0.0,
+    )
+    np.testing.assert_array_equal(world.step(0.0, step, nodes), nodes.velocities)
+    assert not world.state.velocities.any()

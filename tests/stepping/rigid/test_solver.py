@@ -131,3 +131,54 @@ def test_and_slides_above_it():
     velocities, _ = resting(0.2, 0.4)
     assert velocities[0] == pytest.approx(np.sin(0.4) - 0.2 * np.cos(0.4), rel=1e-6)
     np.testing.assert_allclose(velocities[1:3], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.5, np.pi / 4, 2.0])
+def test_friction_is_opposite_to_what_slides_whatever_the_directions_it_is_found_in(aside):
+    """A bound on one direction beside what the other has would hold them where they are, off the line."""
+    rng = np.random.default_rng(0)
+    count, friction = 30, 0.4
+    places = np.column_stack([rng.uniform(-1.0, 1.0, (count, 2)), np.full(count, -0.5)])
+    ways = aside + rng.uniform(-0.3, 0.3, count)
+    zero, along = np.zeros(count), np.column_stack([np.cos(ways), np.sin(ways)])
+    frames = np.stack([[[0.0, 0, 1], [x, y, 0], [-y, x, 0]] for x, y in along])
+    velocities = np.array([[1.0, 0.0, -1.0, 0, 0, 0]])
+    inverse = np.diag([1.0, 1.0, 1.0, 6.0, 6.0, 6.0])[None]
+    bodies = (np.zeros(count, dtype=np.int64), np.full(count, -1))
+    impulses = np.zeros((count, 3))
+    rounds = solve(
+        inverse,
+        velocities,
+        np.zeros((1, 3)),
+        *bodies,
+        places,
+        frames,
+        np.zeros((count, 3)),
+        zero,
+        np.full(count, SEPARATE),
+        np.full(count, friction),
+        impulses,
+        1e-12,
+        20000,
+    )
+    assert rounds < 20000
+    # Where a round leaves 99 % of what is lacking at the most, a hundred times its last change is.
+    np.testing.assert_allclose(velocities[0], [1.0 - friction, 0, 0, 0, 0, 0], atol=1e-10)
+    pushed = np.einsum("ci,cij->cj", impulses, frames)
+    np.testing.assert_allclose(pushed[:, 0], -friction * impulses[:, 0], atol=1e-10)
+    np.testing.assert_allclose(pushed[:, 1], 0.0, atol=1e-10)
+
+
+def test_what_sticks_is_held_in_every_direction_however_unlike_they_are():
+    """A long body that is met at its end gives way across its length, and its directions move each other."""
+    inverse = np.diag([1.0, 1.0, 1.0, 30.0, 1.0, 30.0])[None]
+    place, turn = np.array([[0.3, 2.0, -0.5]]), 0.7
+    frames = np.array([[[0.0, 0, 1], [np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]]])
+    velocities, impulses = np.array([[1.0, 2.0, -1.0, 0.5, 0.2, 3.0]]), np.zeros((1, 3))
+    none = np.zeros((1, 3))
+    bodies = (np.zeros(1, dtype=np.int64), np.full(1, -1))
+    ways = (np.full(1, SEPARATE), np.full(1, 50.0))
+    solve(inverse, velocities, none, *bodies, place, frames, none, np.zeros(1), *ways, impulses, 1e-13, 20000)
+    speed = velocities[0, :3] + np.cross(velocities[0, 3:], place[0])
+    np.testing.assert_allclose(speed, 0.0, atol=1e-10)
+    assert np.hypot(*impulses[0, 1:]) < 50.0 * impulses[0, 0]

@@ -107,3 +107,27 @@ def test_a_known_shape_is_taken_before_the_points():
     problem = problem_of([points], 0.02, hints=(BodyShape(body=0, shape=ball_field(8)),))
     surfaces = rigid_surfaces_of(problem, rigid_bodies_of(problem))
     assert np.linalg.norm(surfaces.samples, axis=1).min() > 0.9 * RADIUS
+
+
+def underside(points, side):
+    """Places (K, 2) [m] on the face of a block below, about its middle, and how far apart they are."""
+    problem = problem_of([points], side)
+    bodies = rigid_bodies_of(problem)
+    surfaces = rigid_surfaces_of(problem, bodies)
+    places = surfaces.samples - bodies.centers[0]
+    return places[places[:, 2] < places[:, 2].min() + 0.02 * side, :2], float(surfaces.reaches[0])
+
+
+@pytest.mark.parametrize("cells", [(4, 4, 4), (5, 4, 3), (16, 9, 4)])
+@pytest.mark.parametrize("away", [(0.0, 0.0), (5.0, -3.0), (1000.0, 0.0), (0.31, 0.77)])
+def test_a_block_stands_on_all_of_its_base_to_both_sides_wherever_it_is(cells, away):
+    side = 0.025
+    found, apart = underside(block(cells, side, (away[0] * side, away[1] * side, 0.0)), side)
+    half = np.array(cells[:2]) * side / 2
+    # Edges are rounded by three quarters of a cell of the field, which is half a point's.
+    assert (found.max(axis=0) > half - 0.375 * side - apart).all()
+    # Rounding of where it is, and what is as far as that.
+    np.testing.assert_allclose(found.min(axis=0), -found.max(axis=0), rtol=0, atol=1e-5 * side)
+    here, _ = underside(block(cells, side), side)
+    assert len(found) == len(here)
+    np.testing.assert_allclose(found, here, rtol=0, atol=1e-5 * side)
