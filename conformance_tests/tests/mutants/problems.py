@@ -493,6 +493,36 @@ class LastColliderAlone(Mutant):
 
 
 @mutant(
+    "first-friction-for-all",
+    {"walls:separate": r"separate, no friction: way - free", "collider:signed distance field[slope]": "way - Coulomb's"},
+)
+class FirstFrictionForAll(Mutant):
+    """Of several colliders all have the friction of the first."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, friction=problem.colliders[0].friction))
+
+
+@mutant("last-friction-for-all", {"walls:separate": "separate, sliding: way - Coulomb's"})
+class LastFrictionForAll(Mutant):
+    """Of several colliders all have the friction of the last."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, friction=problem.colliders[-1].friction))
+
+
+@mutant(
+    "first-contact-for-all",
+    {"walls:stick": "stick: way on a slope", "walls:slip": "way off it", "walls:separate": "leaving: fall - free"},
+)
+class FirstContactForAll(Mutant):
+    """Of several colliders all have the contact of the first."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, contact=problem.colliders[0].contact))
+
+
+@mutant(
     "round-regions-are-boxes",
     {"drive:pinned": "error of matter elsewhere", "force-field:wind": "error of matter elsewhere"},
 )
