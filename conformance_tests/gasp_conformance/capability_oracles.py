@@ -117,7 +117,7 @@ def two_part_pulse(seam: float, first: tuple[float, float], second: tuple[float,
         a, b = w * seam / c1, w * (1 - seam) / c2
         return z1 * math.sin(a) * math.cos(b) + z2 * math.cos(a) * math.sin(b)
 
-    # Of the part that waves take longer to cross: a quarter of the wave to half of it lies there, and a hair for rounding.
+    # In the part that waves take longer to cross lies a quarter of a wave to half of one; a hair is for rounding.
     slower = max(seam / c1, (1 - seam) / c2)
     return float(brentq(mismatch, 0.499 * math.pi / slower, 0.999 * math.pi / slower))
 

@@ -48,7 +48,7 @@ class Dying:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ringing:
-    """Rate at which a bar dies away that nothing damps, and what steps, transfers and grid may leave of it; all [1/s]."""
+    """Rate at which a bar dies away that nothing damps, and what steps, transfers and grid may leave of it [1/s]."""
 
     decay: float
     stepping: float
@@ -93,11 +93,11 @@ def bar_rings_on(subject: Subject) -> Ringing:
     step = journal.largest_substep
     return Ringing(
         decay=damped_oscillation(times, amplitudes, frequency).decay,
-        # Euler's rule, explicit or implicit, multiplies an oscillation by |1 + i w dt| or its inverse: 1 -+ (w dt)^2 / 2.
+        # Euler's rule, explicit or implicit, makes of an oscillation |1 + i w dt| or its inverse, 1 -+ (w dt)^2 / 2.
         stepping=pulse**2 * step / 2,
-        # To the grid and back with affine velocities, of a wave of velocities there is left 1 - (k dx)^4 (m4 - m2^2) / 4
-        # by the second and the fourth moment of the kernel, in cells: 1/40 for quadratic B-splines, 1/21 for cubic ones.
-        # Half of that shows in the amplitude, as half of the time its energy is that of velocities.
+        # Affine velocities go to the grid and back once a step. Of a wave of them 1 - (k dx)^4 (m4 - m2^2) / 4 is left,
+        # with the kernel's moments in cells: 1 - (k dx)^4 / 40 by quadratic B-splines, / 21 by cubic ones. Half of that
+        # shows in the swing, whose energy is that of velocities half of the time.
         transfers=(wave_number * spacing) ** 4 / 40 / step,
         # What of the first shape is another mode of the grid comes and goes while the bar rings.
         dispersion=exact.grid_dispersion(wave_number, spacing) / times[-1],

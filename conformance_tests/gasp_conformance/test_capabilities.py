@@ -81,8 +81,8 @@ SHOWN = {
     "device-indices",
     "tracers",
 }
-"""Names of the checks below, in `test_bodies`, `test_damping`, `test_leading`, `test_parts` and `test_sand`; devices have
-theirs by their names."""
+"""Names of the checks below, in `test_bodies`, `test_damping`, `test_leading`, `test_parts` and `test_sand`; devices
+have theirs by their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -19,7 +19,7 @@ SOFT = {"density": 700.0, "youngs_modulus": 2.3e4, "poissons_ratio": 0.0}
 def rings_in_two(ledger: Ledger, case: str, bar: TwoParts) -> None:
     """Either half of a bar is as stiff and as heavy, and gets as much thinner, as its own numbers say."""
     ledger.at_most(case, "frequency error", bar.frequency, bar.frequency_allowed)
-    ledger.at_most(case, "stretch of the second half by the first's / closed form - 1", bar.stretch, bar.stretch_allowed)
+    ledger.at_most(case, "stretch of the second half by the first's, error", bar.stretch, bar.stretch_allowed)
     for half, error, allowed in zip(("first", "second"), bar.narrowing, bar.narrowing_allowed):
         ledger.at_most(case, f"narrowing by stretch of the {half} half - Poisson's ratio", error, allowed)
 

@@ -185,7 +185,7 @@ def judge_collision(subject: Subject, ledger: Ledger, need: Need, cells: int) ->
     bars = cases.bars_collide(subject, cells)
     # Contact goes through shared nodes, where action is reaction: rounding alone, of one bar's momentum.
     ledger.at_most(f"V10 {cells} cells", "total momentum / one bar's", bars.momentum_error, 1e-6)
-    assert bars.touched, f"V10 {cells} cells: the bars did not touch; where bodies do not meet, declare bodies_meet=False"
+    assert bars.touched, f"V10 {cells} cells: the bars did not touch; if bodies do not meet, declare bodies_meet=False"
     # The gap at which bars feel each other is ~1.3 cells, and opens and closes with them: a cell or so in 2 L = 64.
     ledger.at_most(f"V10 {cells} cells", "contact time error", bars.time_error, 0.04)
     # The grid smears the wave front over some cells, and what is smeared comes back too late to push.

@@ -96,8 +96,8 @@ def bar_of_two_rings(
         stretches.append(np.array([mode_amplitude(row - row.mean(), own) for row in moved[:, half, 0]]))
         narrower = np.array([mode_amplitude(rows.ravel(), thinner.ravel()) for rows in moved[:, half, 1:]])
         narrowing.append(mode_amplitude(narrower, stretches[-1]) - material.poissons_ratio)
-        # Half a cell at the seam may be as narrow as what it hangs on, which is strained by the same stress. Places count
-        # with the square of their strain.
+        # Half a cell at the seam may be as narrow as what it hangs on, which is strained by the same stress. Places
+        # count with the square of their strain.
         doubtful = np.abs(along[half] - _SEAM) < spacing / 2
         share = float((slope[half][doubtful] ** 2).sum() / (slope[half] ** 2).sum())
         beside = other.poissons_ratio * material.youngs_modulus / other.youngs_modulus
@@ -134,9 +134,7 @@ def _pulse(first: Elastic | NeoHookean, second: Elastic | NeoHookean, seam: floa
     return exact.two_part_pulse(seam, *_waves(first, second))
 
 
-def _mode(
-    first: Elastic | NeoHookean, second: Elastic | NeoHookean, along: Array, seam: float
-) -> tuple[Array, Array]:
+def _mode(first: Elastic | NeoHookean, second: Elastic | NeoHookean, along: Array, seam: float) -> tuple[Array, Array]:
     return exact.two_part_mode(along, seam, *_waves(first, second))
 
 

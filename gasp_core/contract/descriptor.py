@@ -74,8 +74,8 @@ class EngineCapabilities:
         engine steps explicitly and takes `EngineAccuracy.substep_fraction` of it: a scene of which a frame would need
         more than `substep_limit` is then refused before the engine is opened. None: it is not told.
     damping
-        Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to. What
-        materials say is no part of it.
+        Rate [1/s] at which the engine lets vibrations decay, at most, that nothing in the scene damps; 0: it does not
+        mean to. What materials say is no part of it.
     """
 
     materials: frozenset[type[Material]]

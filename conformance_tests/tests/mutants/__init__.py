@@ -30,7 +30,10 @@ from mutants.base import MUTANTS, Mutant
 
 __all__ = ["MUTANTS", "Mutant", "gasp_point_engines"]
 
-MODULES = (problems, solvers, knobs, readings, advances, company, damping, declarations, snow, flow, flows, rigid, mixed)
+MODULES = (
+    *(problems, solvers, knobs, readings, advances, company, damping),
+    *(declarations, snow, flow, flows, rigid, mixed),
+)
 """Importing them fills the catalogue."""
 
 

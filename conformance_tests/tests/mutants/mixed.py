@@ -97,7 +97,7 @@ class ColumnsOfStiffnessIgnored(ByColumns):
     deaf = "youngs_modulus"
 
 
-@mutant("columns-of-poissons-ratio-ignored", {"material-column:poissons_ratio": "narrowing by stretch of the second half"})
+@mutant("columns-of-poissons-ratio-ignored", {"material-column:poissons_ratio": "narrowing by stretch of the second"})
 class ColumnsOfPoissonsRatioIgnored(ByColumns):
     """Columns are declared, and those of Poisson's ratio are not heard."""
 

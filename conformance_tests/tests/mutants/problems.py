@@ -494,7 +494,7 @@ class LastColliderAlone(Mutant):
 
 @mutant(
     "first-friction-for-all",
-    {"walls:separate": r"separate, no friction: way - free", "collider:signed distance field[slope]": "way - Coulomb's"},
+    {"walls:separate": "no friction: way - free", "collider:signed distance field[slope]": "way - Coulomb's"},
 )
 class FirstFrictionForAll(Mutant):
     """Of several colliders all have the friction of the first."""
