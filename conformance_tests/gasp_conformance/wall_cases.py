@@ -268,7 +268,7 @@ def on_slope(
 
 
 def _among_others(subject: Subject, collider: Collider) -> tuple[Collider, ...]:
-    """A collider amid some of every declared contact, far away, that hold better than any here, or not at all."""
+    """A collider amid others of every declared contact, far away: before it those that rub more, behind it none."""
     # Another floor would be as wide.
     here = BoxShape(center=(0.0, 0.0, _FAR), half_extents=(0.5, 0.5, 0.5))
     shape = here if isinstance(collider.shape, BoxShape) else collider.shape

@@ -500,7 +500,11 @@ class FirstFrictionForAll(Mutant):
     """Of several colliders all have the friction of the first."""
 
     def problem(self, problem: PointProblem) -> PointProblem:
-        return _with_colliders(problem, lambda one: replace(one, friction=problem.colliders[0].friction))
+        return _with_colliders(problem, lambda one: _rubbing_as(one, problem.colliders[0]))
+
+
+def _rubbing_as(collider: Collider, other: Collider) -> Collider:
+    return replace(collider, friction=other.friction) if collider.contact is ContactCondition.SEPARATE else collider
 
 
 @mutant("last-friction-for-all", {"walls:separate": "separate, sliding: way - Coulomb's"})
@@ -508,12 +512,12 @@ class LastFrictionForAll(Mutant):
     """Of several colliders all have the friction of the last."""
 
     def problem(self, problem: PointProblem) -> PointProblem:
-        return _with_colliders(problem, lambda one: replace(one, friction=problem.colliders[-1].friction))
+        return _with_colliders(problem, lambda one: _rubbing_as(one, problem.colliders[-1]))
 
 
 @mutant(
     "first-contact-for-all",
-    {"walls:stick": "stick: way on a slope", "walls:slip": "way off it", "walls:separate": "leaving: fall - free"},
+    {"walls:stick": "stick: way on a slope", "walls:slip": "slip on a ceiling: way off it"},
 )
 class FirstContactForAll(Mutant):
     """Of several colliders all have the contact of the first."""
