@@ -34,6 +34,8 @@ __all__ = [
     "snow_volume_ratio",
     "turns_of_a_viscoplastic_bar",
     "turns_of_a_yielding_bar",
+    "two_part_mode",
+    "two_part_pulse",
     "von_mises_yield_strain",
 ]
 
@@ -95,6 +97,44 @@ def grid_dispersion(wave_number: float, spacing: float) -> float:
     1.5 (k dx / pi)^2: verification's bound for a bar's first mode, 1.5 (dx / L)^2, where k = pi / L.
     """
     return 1.5 * (wave_number * spacing / math.pi) ** 2
+
+
+def two_part_pulse(seam: float, first: tuple[float, float], second: tuple[float, float]) -> float:
+    """First angular frequency [rad/s] of a free bar, 1 m long, that is one thing up to `seam` [m] and another beyond.
+
+    Between free ends displacements are cos(w x / c1) and cos(w (1 - x) / c2), each times a constant; at the seam they
+    and the stresses are equal where Z1 tan(w s / c1) + Z2 tan(w (1 - s) / c2) = 0 (Graff, "Wave Motion in Elastic
+    Solids", chapter 2).
+
+    Parameters
+    ----------
+    first, second
+        Speed c [m/s] and impedance Z = rho c [kg/m^2/s] of either part.
+    """
+    (c1, z1), (c2, z2) = first, second
+
+    def mismatch(w: float) -> float:
+        a, b = w * seam / c1, w * (1 - seam) / c2
+        return z1 * math.sin(a) * math.cos(b) + z2 * math.cos(a) * math.sin(b)
+
+    # In the part that waves take longer to cross lies a quarter of a wave to half of one; a hair is for rounding.
+    slower = max(seam / c1, (1 - seam) / c2)
+    return float(brentq(mismatch, 0.499 * math.pi / slower, 0.999 * math.pi / slower))
+
+
+def two_part_mode(
+    places: Array, seam: float, first: tuple[float, float], second: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Displacement (N,), 1 at x = 0, and strain (N,) [1/m] of that mode at places x (N,) [m]; the rest as above."""
+    (c1, z1), (c2, z2) = first, second
+    w = two_part_pulse(seam, first, second)
+    # Equal stresses at the seam.
+    share = -(z1 * math.sin(w * seam / c1)) / (z2 * math.sin(w * (1 - seam) / c2))
+    before, beyond = w * places / c1, w * (1 - places) / c2
+    return (
+        np.where(places < seam, np.cos(before), share * np.cos(beyond)),
+        np.where(places < seam, -w / c1 * np.sin(before), share * w / c2 * np.sin(beyond)),
+    )
 
 
 def large_wave(

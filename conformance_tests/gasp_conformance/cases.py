@@ -111,11 +111,13 @@ class HangingBeam:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BarsCollide:
-    """Errors of total momentum, over one bar's, and of contact time, relative; speed after over speed before."""
+    """Errors of total momentum, over one bar's, and of contact time, relative; speed after over speed before; whether
+    one ever had a hundredth of its momentum from the other."""
 
     momentum_error: float
     time_error: float
     restitution: float
+    touched: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -385,6 +387,7 @@ def bars_collide(subject: Subject, cells: int) -> BarsCollide:
         momentum_error=max(totals) / own,
         time_error=half_height_width(times, force, plateau) / contact_time - 1,
         restitution=-momenta[-1] / own,
+        touched=float(np.abs(np.array(momenta) - own).max()) > 0.01 * own,
     )
 
 

@@ -68,6 +68,7 @@ SHOWN = {
     *(f"conserved:{quantity.value}" for quantity in Quantity),
     *(f"domain:{policy.value}" for policy in DomainPolicy),
     *(f"precision:{precision.value}" for precision in Precision),
+    *(f"material-column:{name}" for name in ("density", "youngs_modulus", "poissons_ratio")),
     *(f"view:{field.value}" for field in (Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS)),
     "checkpoints",
     "pair-contacts",
@@ -80,8 +81,8 @@ SHOWN = {
     "device-indices",
     "tracers",
 }
-"""Names of the checks below, in `test_bodies`, `test_damping`, `test_leading` and `test_sand`; devices have theirs by
-their names."""
+"""Names of the checks below, in `test_bodies`, `test_damping`, `test_leading`, `test_parts` and `test_sand`; devices
+have theirs by their names."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

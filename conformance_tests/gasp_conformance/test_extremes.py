@@ -19,7 +19,7 @@ from gasp_conformance.bounds import rounding, unit_roundoff
 from gasp_conformance.checks import Level, check
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.random_batch import run_batch
-from gasp_conformance.subject import Subject, Undeclared
+from gasp_conformance.subject import Need, Subject, Undeclared
 from gasp_conformance.watched_runs import WatchedRun
 from gasp_core.contract import DomainPolicy, Elastic, EngineAccuracy, Metal, NeoHookean, PointCloud, Status
 from gasp_core.errors import SceneError
@@ -91,8 +91,9 @@ def test_very_near_incompressible(subject: Subject, ledger: Ledger) -> None:
 
 
 @check("density-ratio", Level.EXTREMES)
-def test_density_ratio(subject: Subject, ledger: Ledger) -> None:
+def test_density_ratio(subject: Subject, ledger: Ledger, need: Need) -> None:
     """Matter ten thousand times as dense as what it meets."""
+    need(subject.descriptor.capabilities.bodies_meet, "that bodies meet")
     meeting = cases.heavy_meets_light(subject, 1e4)
     # Contact goes through what both share, where action is reaction: rounding alone. Each substep stores each velocity,
     # to half a unit in its last place, and in thousands of substeps that adds up; the few of an implicit engine leave

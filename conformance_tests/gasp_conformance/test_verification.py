@@ -170,20 +170,22 @@ def judge_spin(subject: Subject, ledger: Ledger, cells: int) -> None:
 
 @check("V10", Level.VERIFICATION)
 @sizes("v10_collision")
-def test_v10_bars_collide(subject: Subject, ledger: Ledger, cells: int) -> None:
-    judge_collision(subject, ledger, cells)
+def test_v10_bars_collide(subject: Subject, ledger: Ledger, need: Need, cells: int) -> None:
+    judge_collision(subject, ledger, need, cells)
 
 
 @check("V10", Level.VERIFICATION, full=True)
 @sizes("v10_collision", finer=True)
-def test_v10_bars_collide_finely(subject: Subject, ledger: Ledger, cells: int) -> None:
-    judge_collision(subject, ledger, cells)
+def test_v10_bars_collide_finely(subject: Subject, ledger: Ledger, need: Need, cells: int) -> None:
+    judge_collision(subject, ledger, need, cells)
 
 
-def judge_collision(subject: Subject, ledger: Ledger, cells: int) -> None:
+def judge_collision(subject: Subject, ledger: Ledger, need: Need, cells: int) -> None:
+    need(subject.descriptor.capabilities.bodies_meet, "that bodies meet")
     bars = cases.bars_collide(subject, cells)
     # Contact goes through shared nodes, where action is reaction: rounding alone, of one bar's momentum.
     ledger.at_most(f"V10 {cells} cells", "total momentum / one bar's", bars.momentum_error, 1e-6)
+    assert bars.touched, f"V10 {cells} cells: the bars did not touch; if bodies do not meet, declare bodies_meet=False"
     # The gap at which bars feel each other is ~1.3 cells, and opens and closes with them: a cell or so in 2 L = 64.
     ledger.at_most(f"V10 {cells} cells", "contact time error", bars.time_error, 0.04)
     # The grid smears the wave front over some cells, and what is smeared comes back too late to push.

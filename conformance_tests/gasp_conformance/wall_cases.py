@@ -250,7 +250,7 @@ def on_slope(
     problem = PointProblem(
         points=cloud_of([block], [[speed, 0.0, 0.0]], _SPACING),
         materials=(material,),
-        colliders=(Collider(shape=floor, contact=contact, friction=friction),),
+        colliders=_among_others(subject, Collider(shape=floor, contact=contact, friction=friction)),
         gravity=(GRAVITY * math.sin(tilt), 0.0, across),
     )
     journal = Journal()
@@ -265,6 +265,26 @@ def on_slope(
         stepping=oracles.euler_fall_error(GRAVITY, time, journal.largest_substep),
         settling=_CELLS * _SPACING / math.sqrt(stiffness / material.density),
     )
+
+
+def _among_others(subject: Subject, collider: Collider) -> tuple[Collider, ...]:
+    """A collider amid others of every declared contact, far away: before it those that rub more, behind it none."""
+    # Another floor would be as wide.
+    here = BoxShape(center=(0.0, 0.0, _FAR), half_extents=(0.5, 0.5, 0.5))
+    shape = here if isinstance(collider.shape, BoxShape) else collider.shape
+    declared = [one for one in ContactCondition if one in subject.descriptor.capabilities.contact_conditions]
+    before, after = (
+        [
+            Collider(
+                shape=_far_away(shape, way),
+                contact=one,
+                friction=friction if one is ContactCondition.SEPARATE else 0.0,
+            )
+            for one in declared
+        ]
+        for way, friction in ((-1.0, 1.5), (1.0, 0.0))
+    )
+    return (*reversed(before), collider, *after)
 
 
 def floor_of(subject: Subject) -> AnyShape:

@@ -194,6 +194,14 @@ def test_a_device_that_is_right_hides_one_that_is_not(endings: Any) -> None:
 
 
 @pytest.mark.thorough
+def test_columns_that_are_heard_are_believed(endings: Any) -> None:
+    names = [f"material-column:{name}" for name in ("density", "poissons_ratio")]
+    assert endings("columns-of-stiffness-ignored", names) == dict.fromkeys(names, "")
+    names = ["material-column:youngs_modulus"]
+    assert endings("columns-of-density-ignored", names) == dict.fromkeys(names, "")
+
+
+@pytest.mark.thorough
 def test_a_second_device_need_not_be_bitwise_and_is_the_same_one_in_every_process(endings: Any) -> None:
     # The last digit is left to chance there; matter that feels its stresses ends far from matter that does not.
     kind = MUTANTS["falls-elsewhere"]

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from gasp_conformance import capability_oracles as exact
 from gasp_conformance import oracles
 from gasp_conformance.observables import (
     angular_momentum,
@@ -55,6 +56,26 @@ def test_bar_and_column_frequencies_are_those_of_a_chain_of_masses() -> None:
     assert free[2] / (2 * math.pi) == pytest.approx(oracles.bar_frequency(1.0, 1.0, mode=2), rel=1e-4)
     assert 2 * math.pi / discrete_bar(200, clamped=True)[0] == pytest.approx(oracles.column_period(1.0, 1.0), rel=1e-4)
     assert oracles.bar_speed(4e5, 1000.0) == 20.0
+
+
+def test_a_bar_of_two_parts_rings_as_its_equations_have_it() -> None:
+    # Of halves of one density, one twice as fast as the other: tan t = -2 tan(t / 2), so tan(t / 2) is the root of 2.
+    slow, fast = (3.0, 3.0 * 800), (6.0, 6.0 * 800)
+    pulse = 2 * math.atan(math.sqrt(2)) * 3.0 / 0.5
+    assert exact.two_part_pulse(0.5, slow, fast) == pytest.approx(pulse, rel=1e-12)
+    # One thing all along is a bar, wherever the seam.
+    for seam in (0.5, 0.3):
+        assert exact.two_part_pulse(seam, slow, slow) == pytest.approx(math.pi * 3.0, rel=1e-12)
+    # No gap, equal stresses E u_x = Z c u_x, no stress at either end, and the slope is that of the shape.
+    seam, (c1, z1), (c2, z2) = 0.4, slow, (5.0, 900.0)
+    hair = 1e-6
+    places = np.array([0.0, seam - 1e-12, seam + 1e-12, 1.0, 0.2, 0.2 + hair, 0.7, 0.7 + hair])
+    shape, slope = exact.two_part_mode(places, seam, (c1, z1), (c2, z2))
+    assert shape[1] == pytest.approx(shape[2], rel=1e-9)
+    assert z1 * c1 * slope[1] == pytest.approx(z2 * c2 * slope[2], rel=1e-9)
+    assert abs(slope[0]) + abs(slope[3]) < 1e-9
+    for at in (4, 6):
+        assert (shape[at + 1] - shape[at]) / hair == pytest.approx(slope[at], rel=1e-4)
 
 
 def test_column_deflection_balances_its_weight() -> None:

@@ -19,7 +19,7 @@ __all__ = ["CONTRACT_VERSION", "EngineCapabilities", "EngineDescriptor", "Engine
 Array = NDArray[Any]
 
 
-CONTRACT_VERSION = (1, 5)
+CONTRACT_VERSION = (1, 6)
 """Of engines, major and minor; renderers and commands have numbers of their own in `gasp_core.discovery.hookspecs`.
 
 A minor step adds what may be left out; a plugin of another major is refused at discovery. docs/compatibility.md says
@@ -53,6 +53,8 @@ class EngineCapabilities:
         Whether sessions write checkpoints, and begin from one: a run that was stopped goes on then.
     body_contacts
         What may happen where two bodies touch, with friction where they separate; one for all pairs.
+    bodies_meet
+        Whether bodies meet at all, in whatever way; False: they pass through each other, and users are told so.
     pair_contacts
         Whether every pair of bodies may have a contact of its own.
     moving_colliders
@@ -72,7 +74,8 @@ class EngineCapabilities:
     device_indices
         Whether one of several devices of a class can be named, "cuda:1".
     material_columns
-        Names of material fields that may vary from point to point, see `PointCloud.material_columns`.
+        Names of material fields that may vary from point to point, see `PointCloud.material_columns`. No scene of GASP
+        asks for any: what varies there is given as so many materials.
     views
         Fields that a session also hands out on the device, see `ViewingSession`.
     determinism
@@ -89,8 +92,8 @@ class EngineCapabilities:
         engine steps explicitly and takes `EngineAccuracy.substep_fraction` of it: a scene of which a frame would need
         more than `substep_limit` is then refused before the engine is opened. None: it is not told.
     damping
-        Rate [1/s] at which the engine lets motion decay that nothing in the scene damps; 0: it does not mean to. What
-        materials say is no part of it.
+        Rate [1/s] at which the engine lets vibrations decay, at most, that nothing in the scene damps; 0: it does not
+        mean to. What materials say is no part of it.
     """
 
     materials: frozenset[type[Material]]
@@ -109,6 +112,7 @@ class EngineCapabilities:
     carries_tracers: bool = False
     checkpoints: bool = False
     body_contacts: frozenset[ContactCondition] = frozenset()
+    bodies_meet: bool = True
     pair_contacts: bool = False
     moving_colliders: bool = False
     restitution: bool = False

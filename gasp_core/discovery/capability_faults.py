@@ -37,7 +37,7 @@ _CLASSES: dict[str, type | None] = {
     "region_shapes": None,
 }
 _FLAGS = (
-    "iterates", "carries_tracers", "checkpoints", "pair_contacts", "moving_colliders", "restitution",
+    "iterates", "carries_tracers", "checkpoints", "bodies_meet", "pair_contacts", "moving_colliders", "restitution",
     "rigid_parts",
     "material_damping", "cohesion", "trajectories", "device_indices", "unconditionally_stable",
 )  # fmt: skip
@@ -63,6 +63,8 @@ def capability_fault(can: EngineCapabilities) -> str | None:
     for name in _FLAGS:
         if not isinstance(_value(can, name), bool):
             return f"capabilities.{name} must be True or False, found {_value(can, name)!r:.60}"
+    if not can.bodies_meet and (can.body_contacts or can.pair_contacts):
+        return "capabilities.bodies_meet is False, and body_contacts or pair_contacts say how they do: leave one out"
     if can.stable_step is not None and not callable(_value(can, "stable_step")):
         return f"capabilities.stable_step must be a function or None, found {can.stable_step!r:.60}"
     return None

@@ -111,6 +111,7 @@ def _capabilities(can: EngineCapabilities) -> dict[str, Any]:
         "collider_shapes": sorted(_kind(shape) for shape in can.collider_shapes),
         "contact_conditions": sorted(contact.value for contact in can.contact_conditions),
         "body_contacts": sorted(contact.value for contact in can.body_contacts),
+        "bodies_meet": can.bodies_meet,
         "pair_contacts": can.pair_contacts,
         "moving_colliders": can.moving_colliders,
         "restitution": can.restitution,

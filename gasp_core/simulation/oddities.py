@@ -67,9 +67,14 @@ def oddities(scene: Scene, objects: Sequence[PlacedObject], assembly: Assembly) 
 
 
 def own_contact(problem: PointProblem, engine: EngineDescriptor) -> list[str]:
-    """A sentence where there are several bodies and the engine does not say how they meet."""
+    """A sentence where there are several bodies and the engine does not say how they meet, or says that they do not."""
     if not problem.points.body_ids.any() or engine.capabilities.body_contacts:
         return []
+    if not engine.capabilities.bodies_meet:
+        return [
+            f"objects pass through each other: {engine.name} declares that bodies do not meet; those in which they do"
+            " stand under [[contact]] in docs/scene.md"
+        ]
     return [
         f"objects that touch do what {engine.name} makes of it, for it declares no contact between bodies: what that is"
         " stands under [[contact]] in docs/scene.md, and which engines declare one"

@@ -183,6 +183,8 @@ def test_a_contact_of_no_pair_is_refused(pair):
 
 def test_every_field_of_the_capabilities_that_can_refuse_is_tried_here():
     described = {"conserved", "determinism", "temporal_order", "iterates", "unconditionally_stable", "damping"}
+    # No scene asks that bodies meet in whatever way; users are told where they do not.
+    described |= {"bodies_meet"}
     # Steps that are too many are refused by themselves: tests/simulation/test_stiff_matter.py.
     described |= {"stable_step"}
     # No scene asks for a view, and an index is part of a device: below.

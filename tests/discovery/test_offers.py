@@ -162,6 +162,7 @@ def test_descriptor_lists_its_options(descriptor):
         ({"precisions": ()}, "capabilities.precisions must be a tuple like"),
         ({"determinism": True}, "capabilities.determinism must be a Determinism, found True"),
         ({"checkpoints": "yes"}, "capabilities.checkpoints must be True or False, found 'yes'"),
+        ({"bodies_meet": False, "pair_contacts": True}, "capabilities.bodies_meet is False, and body_contacts or"),
         ({"stable_step": 1e-3}, "capabilities.stable_step must be a function or None"),
     ],
 )

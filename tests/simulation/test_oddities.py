@@ -26,9 +26,10 @@ from gasp_core import (
     simulate,
     write_splat,
 )
-from gasp_core.contract import SignedDistanceField
+from gasp_core.contract import ContactCondition, PointCloud, PointProblem, SignedDistanceField
 from gasp_core.simulation.estimate import estimate_run
 from gasp_core.simulation.idle_acts import idle_acts
+from gasp_core.simulation.oddities import own_contact
 from gasp_core.simulation.splat_sources import prepare
 from gasp_core.stepping.grid import grid_node
 
@@ -113,6 +114,31 @@ def test_what_is_usual_is_not(run, scene_of, tmp_path, options):
         "narrow end",
     )
     assert not any(what in note for note in found for what in told)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "declared", "says"),
+    [
+        ([0, 1], {}, ["objects that touch do what ballistic makes of it"]),
+        ([0, 1], {"bodies_meet": False}, ["objects pass through each other: ballistic declares"]),
+        ([0, 1], {"body_contacts": frozenset(ContactCondition)}, []),
+        ([0, 0], {"bodies_meet": False}, []),
+    ],
+    ids=["its own way", "not at all", "as declared", "one body"],
+)
+def test_how_bodies_meet_is_told_where_the_engine_does_not_say_it(bodies, declared, says):
+    engine = flying_points.descriptor()
+    engine = dataclasses.replace(engine, capabilities=dataclasses.replace(engine.capabilities, **declared))
+    points = PointCloud(
+        reference_positions=np.eye(3)[:2],
+        initial_velocities=np.zeros((2, 3)),
+        reference_volumes=np.ones(2),
+        material_ids=np.zeros(2),
+        body_ids=np.array(bodies),
+    )
+    told = own_contact(PointProblem(points=points, materials=(jelly(1000.0),)), engine)
+    assert len(told) == len(says)
+    assert all(line.startswith(start) for line, start in zip(told, says))
 
 
 def test_where_nothing_is_simulated_nothing_else_is_told_to_come_too_late(run, scene_of, tmp_path):

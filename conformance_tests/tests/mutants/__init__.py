@@ -19,6 +19,7 @@ from mutants import (
     flow,
     flows,
     knobs,
+    mixed,
     problems,
     readings,
     rigid,
@@ -29,7 +30,10 @@ from mutants.base import MUTANTS, Mutant
 
 __all__ = ["MUTANTS", "Mutant", "gasp_point_engines"]
 
-MODULES = (problems, solvers, knobs, readings, advances, company, damping, declarations, snow, flow, flows, rigid)
+MODULES = (
+    *(problems, solvers, knobs, readings, advances, company, damping),
+    *(declarations, snow, flow, flows, rigid, mixed),
+)
 """Importing them fills the catalogue."""
 
 

@@ -51,11 +51,30 @@ class Pretending(Stopping):
         return replace(self.inner.read(fields), time=self.asked)
 
 
-@mutant("pretends-to-land", {"lands-on-time": "largest error / rounding"})
+@mutant("pretends-to-land", {"lands-on-time": r"largest error \[m\]"})
 class PretendsToLand(Mutant):
     """It stops at the last whole millisecond, and says it went on."""
 
     session = Pretending
+
+
+class Differing(Session):
+    def advance_to(self, time: float) -> StepReport:
+        before, span = self.inner.checkpoint()["positions"], time - self.time
+        report = super().advance_to(time)
+        if span > 0:
+            self.change(velocities=(self.inner.checkpoint()["positions"] - before) / span)
+        return report
+
+
+@mutant(
+    "velocities-by-difference",
+    {"lands-on-time": r"at 1e-06 s, after steps down to 2.1e-25 s: largest error \[m\]"},
+)
+class VelocitiesByDifference(Mutant):
+    """Velocities are the difference of places over the time between, however short that is."""
+
+    session = Differing
 
 
 class GoingBack(Session):

@@ -122,6 +122,28 @@ class TurnsOn(Mutant):
     session = TurningOn
 
 
+class Fading(GivingBack):
+    WAY = SPIN = True
+
+    def advance_to(self, time: float) -> StepReport:
+        report = Session.advance_to(self, time)
+        state = self.inner.checkpoint()
+        velocities = state["velocities"].copy()
+        for body in np.unique(self.problem.points.body_ids):
+            rows = self.problem.points.body_ids == body
+            as_one = self._of_one(rows, state["positions"][rows], velocities[rows])
+            velocities[rows] = as_one + 0.9995**report.substep_count * (velocities[rows] - as_one)
+        self.change(velocities=velocities)
+        return report
+
+
+@mutant("vibrations-fade", {"ringing": "rate of decay - declared"})
+class VibrationsFade(Mutant):
+    """All that is not the motion of a body as one is .9995 of what it was after every step."""
+
+    session = Fading
+
+
 @mutant(
     "drags-by-stiffness",
     {

@@ -493,6 +493,40 @@ class LastColliderAlone(Mutant):
 
 
 @mutant(
+    "first-friction-for-all",
+    {"walls:separate": "no friction: way - free", "collider:signed distance field[slope]": "way - Coulomb's"},
+)
+class FirstFrictionForAll(Mutant):
+    """Of several colliders all have the friction of the first."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: _rubbing_as(one, problem.colliders[0]))
+
+
+def _rubbing_as(collider: Collider, other: Collider) -> Collider:
+    return replace(collider, friction=other.friction) if collider.contact is ContactCondition.SEPARATE else collider
+
+
+@mutant("last-friction-for-all", {"walls:separate": "separate, sliding: way - Coulomb's"})
+class LastFrictionForAll(Mutant):
+    """Of several colliders all have the friction of the last."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: _rubbing_as(one, problem.colliders[-1]))
+
+
+@mutant(
+    "first-contact-for-all",
+    {"walls:stick": "stick: way on a slope", "walls:slip": "slip on a ceiling: way off it"},
+)
+class FirstContactForAll(Mutant):
+    """Of several colliders all have the contact of the first."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, contact=problem.colliders[0].contact))
+
+
+@mutant(
     "round-regions-are-boxes",
     {"drive:pinned": "error of matter elsewhere", "force-field:wind": "error of matter elsewhere"},
 )

@@ -29,6 +29,7 @@ CAPABILITIES = EngineCapabilities(
     drives=frozenset({Impulse}),
     force_fields=frozenset(),
     output_fields=frozenset({Field.POSITIONS, Field.VELOCITIES}),
+    bodies_meet=False,
     conserved=frozenset({Quantity.MASS, Quantity.ANGULAR_MOMENTUM}),
     devices=("cpu",),
     precisions=(Precision.FLOAT64,),
@@ -45,7 +46,7 @@ def gasp_point_engines() -> Sequence[EngineDescriptor]:
         EngineDescriptor(
             name="my-engine",
             summary="Rigid bodies in free flight",
-            contract_version=(1, 5),
+            contract_version=(1, 6),
             capabilities=CAPABILITIES,
             factory="my_engine.engine:Engine",
         )
