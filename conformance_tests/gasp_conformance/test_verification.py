@@ -16,6 +16,7 @@ import pytest
 from gasp_conformance import cases, metamorphic, oracles, readout_cases
 from gasp_conformance.bounds import unit_roundoff
 from gasp_conformance.checks import Level, check
+from gasp_conformance.damping_cases import bar_rings_on
 from gasp_conformance.ledger import Ledger
 from gasp_conformance.metamorphic import Change
 from gasp_conformance.scenes import MATERIALS, shared_scene
@@ -321,6 +322,20 @@ def judge_across(subject: Subject, ledger: Ledger, change: Change, cells: int) -
     angle = 2 * math.pi * numbers["periods"]
     bound = 2 * math.sqrt(3) * numbers["amplitude"] * angle * 1.5 / cells**2
     ledger.at_most(f"V16 {cells} cells", f"{change.name}: distance / size", found.distance, bound)
+
+
+@check("ringing", Level.VERIFICATION)
+def test_what_nothing_damps_rings_on(subject: Subject, ledger: Ledger) -> None:
+    """A free bar in small steps loses no more of its swing than these and the grid take, and than is declared."""
+    ringing, declared = bar_rings_on(subject), subject.descriptor.capabilities.damping
+    # Of a rate that is declared as of velocities, half may show in a swing, or all of it.
+    undeclared = ringing.decay - min(max(ringing.decay, 0.0), declared)
+    ledger.at_most(
+        "bar in small steps",
+        "rate of decay - declared [1/s]",
+        undeclared,
+        ringing.stepping + ringing.transfers + ringing.dispersion,
+    )
 
 
 @check("bodies-meet", Level.VERIFICATION)

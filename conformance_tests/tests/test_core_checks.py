@@ -25,6 +25,7 @@ from gasp_conformance import (
     test_core,
     test_damping,
     test_leading,
+    test_parts,
     test_sand,
 )
 from gasp_conformance.declarations import base_name, declared
@@ -107,6 +108,7 @@ EVERYTHING = EngineCapabilities(
     checkpoints=True,
     device_indices=True,
     views=frozenset({Field.POSITIONS, Field.VELOCITIES, Field.DEFORMATION_GRADIENTS}),
+    material_columns=frozenset({"density", "youngs_modulus", "poissons_ratio"}),
 )
 
 
@@ -433,7 +435,8 @@ def test_an_engine_that_is_not_installed_fails_in_a_process_with_its_message() -
 def judges() -> dict[str, Any]:
     """Every capability check by the name of its function, but those that pytest makes for an engine."""
     made = {"test_device", "test_declared_without_a_check"}
-    found = vars(test_capabilities) | vars(test_bodies) | vars(test_damping) | vars(test_leading) | vars(test_sand)
+    modules = (test_capabilities, test_bodies, test_damping, test_leading, test_parts, test_sand)
+    found = {name: judge for module in modules for name, judge in vars(module).items()}
     return {name: judge for name, judge in found.items() if name.startswith("test_") and name not in made}
 
 
