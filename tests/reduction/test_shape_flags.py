@@ -37,7 +37,7 @@ def body_of(rng, vertices, count=60):
 @given(
     seed=st.integers(0, 10_000),
     stretch=st.floats(0.0, 3.0),
-    alpha=st.sampled_from([0.5, 1.0, 1.5, 2.0, float("inf")]),
+    alpha=st.sampled_from([1.0, 1.1, 1.5, 2.0, float("inf")]),
     size=st.sampled_from([1.0, 1e-200, 1e150]),
 )
 def test_the_flags_are_those_of_the_gaussians(vertices, covariance, seed, stretch, alpha, size):
