@@ -29,7 +29,7 @@ from gasp_core.recording.status import ENDED_WITHOUT_A_WORD, RecordedStatus, wri
 from gasp_core.recording.store import Store
 from gasp_core.recording.verifying import leading_frames, refuse_damaged
 
-__all__ = ["RecordingWriter", "refuse_existing", "split_displacements"]
+__all__ = ["RecordingWriter", "ended_without_a_word", "refuse_existing", "split_displacements"]
 
 Array = NDArray[Any]
 
@@ -359,10 +359,18 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
     return True
 
 
-def _abandoned(path: Path) -> str:
-    """What to say where whoever wrote a recording has ended before it was told how."""
+def ended_without_a_word(recording: Recording) -> bool:
+    """Whether whoever wrote it has ended before it was told how; not where its status is lost, which tells nothing."""
     try:
-        return f", and {ENDED_WITHOUT_A_WORD}" if Recording.open(path).reason == ENDED_WITHOUT_A_WORD else ""
+        return recording.reason == ENDED_WITHOUT_A_WORD
+    except RecordingError:
+        return False
+
+
+def _abandoned(path: Path) -> str:
+    """What to say of one of those where another is to be."""
+    try:
+        return f", and {ENDED_WITHOUT_A_WORD}" if ended_without_a_word(Recording.open(path)) else ""
     except RecordingError:
         return ""
 

@@ -33,7 +33,7 @@ from gasp_core.recording.addresses import mirrored, pushing
 from gasp_core.recording.continuing import refuse_other
 from gasp_core.recording.layout import Header
 from gasp_core.recording.status import ENDED_WITHOUT_A_WORD
-from gasp_core.recording.writer import RecordingWriter, refuse_existing
+from gasp_core.recording.writer import RecordingWriter, ended_without_a_word, refuse_existing
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.reduction.bodies import Body
 from gasp_core.reduction.centres import Centres
@@ -194,7 +194,7 @@ def simulate_part(
         header = header_of(scene, whole, path, prepared, chosen, options, on_engine)
         for note in header.notes:
             shown.say(note)
-        if found is not None and found.reason == ENDED_WITHOUT_A_WORD:
+        if found is not None and ended_without_a_word(found):
             shown.say(f"{path}: {ENDED_WITHOUT_A_WORD}{_how_to_learn_why(scene, chosen)}")
         writer, last, restart = None, -1, {}
         try:
