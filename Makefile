@@ -64,7 +64,7 @@ test: $(STAMP)
 	@$(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist worksteal $(ROOM_TESTS)
 else
 .PHONY: test
-test: check ## What has to be true, in some fifteen minutes on two cores; ROOM=reduction: one room in 20 s
+test: check ## What has to be true, in some twenty minutes on two cores; ROOM=reduction: one room in 20 s
 	@TI_ADVANCED_OPTIMIZATION=0 $(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist loadgroup
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 endif
