@@ -71,7 +71,8 @@ def control(
 def _in_order(simplices: Array, edges: Array) -> Array:
     """Simplices (N, V, 3) with their edges in another order, (N, V - 1)."""
     ordered = np.array(simplices, dtype=np.float64)
-    ordered[:, 1:] = np.take_along_axis(ordered[:, 1:], edges[:, :, None], axis=1)
+    rows = np.flatnonzero((edges != np.arange(edges.shape[1])).any(axis=1))
+    ordered[rows, 1:] = np.take_along_axis(ordered[rows, 1:], edges[rows, :, None], axis=1)
     return ordered
 
 

@@ -98,7 +98,7 @@ class MovingSplat:
             raise RecordingError(f"{path}: has no {HEADER}: it is no moving splat; gasp pack makes one of a run")
         splat, _ = read_sog_zip(data, path)
         header = MotionHeader.of(_fetch(archive, HEADER, _LONGEST_HEADER, path), path)
-        if max(last for last in [header.bodies[-1].last, *(last for _, last in header.objects)]) > len(splat):
+        if max(header.bodies[-1].last, *(last for _, last in header.objects), 0) > len(splat):
             raise RecordingError(f"{path}: moves Gaussians that it does not have: {HEADER} is damaged")
         return cls(path, archive, header, splat)
 
@@ -159,7 +159,7 @@ class MovingSplat:
 
     def drawn(self, frame: int) -> RenderInput:
         """As `splats`, with what has flowed as grains, which come behind the Gaussians of the file."""
-        return self.at(frame).splats
+        return self._with_grains(frame)[0]
 
     @property
     def most_grains(self) -> int:
@@ -168,10 +168,15 @@ class MovingSplat:
 
     def at(self, frame: int) -> Drawn:
         """What is drawn in a frame, and the Gaussians whose colours it has: of a grain the one nearest to its point."""
+        drawn, flowed = self._with_grains(frame)
+        grains = [self._bodies[number].rows[self._nearest[number][state.points]] for number, state in flowed.items()]
+        return Drawn(splats=drawn, sources=np.concatenate([np.arange(len(self.reference)), *grains]))
+
+    def _with_grains(self, frame: int) -> tuple[RenderInput, dict[int, GrainState]]:
+        """What is drawn, and the grains behind the Gaussians of the file, by the numbers of their bodies."""
         splats = self.splats(frame)
         opacities = splats.opacities.astype(np.float64)
-        states: list[GrainState] = []
-        sources = [np.arange(len(splats))]
+        states: dict[int, GrainState] = {}
         for number, (body, grains, own) in enumerate(zip(self._bodies, self._grains, self._at[1])):
             if grains is None or own.flow is None:
                 continue
@@ -182,17 +187,16 @@ class MovingSplat:
             except ValueError as error:
                 raise RecordingError(f"{self.path}: frame {frame} is damaged: {error}") from error
             opacities[body.rows] *= state.left
-            states.append(state)
-            sources.append(body.rows[self._nearest[number][state.points]])
+            states[number] = state
         if not states:
-            return Drawn(splats=splats, sources=sources[0])
+            return splats, states
         drawn = replace(splats, opacities=opacities).with_round(
-            np.concatenate([state.means for state in states]),
-            np.concatenate([state.scales for state in states]),
-            np.concatenate([state.opacities for state in states]),
-            np.concatenate([state.colours for state in states]),
+            np.concatenate([state.means for state in states.values()]),
+            np.concatenate([state.scales for state in states.values()]),
+            np.concatenate([state.opacities for state in states.values()]),
+            np.concatenate([state.colours for state in states.values()]),
         )
-        return Drawn(splats=drawn, sources=np.concatenate(sources))
+        return drawn, states
 
     @cached_property
     def _nearest(self) -> list[Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -25,18 +26,16 @@ def places_at_start(recording: Recording) -> dict[str, Array]:
     }
 
 
-def places_at(recording: Recording, frame: int) -> dict[str, Array]:
-    """The same, in the same order, in a frame.
+def places_at(recording: Recording, frame: int, names: Collection[str]) -> dict[str, Array]:
+    """The same of the objects of these names, in the same order, in a frame.
 
     Raises
     ------
     RecordingError
         Where there is no such frame, or it is damaged.
     """
-    entries = recording.header.bodies
+    wanted = [pair for pair in zip(recording.bodies, recording.header.bodies) if pair[0].name in names]
     points = recording.points(frame)
-    seen = recording.simplices(frame) if any(entry.drifts for entry in entries) else {}
-    return {
-        body.name: seen[body.name][:, 0] if entry.drifts else points[body.points]
-        for body, entry in zip(recording.bodies, entries)
-    }
+    # Simplices are those of all Gaussians, a hundred times as many as points.
+    seen = recording.simplices(frame) if any(entry.drifts for _, entry in wanted) else {}
+    return {body.name: seen[body.name][:, 0] if entry.drifts else points[body.points] for body, entry in wanted}

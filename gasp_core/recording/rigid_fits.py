@@ -80,7 +80,7 @@ def rigid_fit(recording: Recording, name: str) -> RigidFit:
     frames = sorted({*range(recording.frame_count)} - set(recording.lost))
     places, quaternions, residuals = np.empty((len(frames), 3)), np.empty((len(frames), 4)), np.empty(len(frames))
     for row, frame in enumerate(frames):
-        moved = places_at(recording, frame)[name]
+        moved = places_at(recording, frame, [name])[name]
         places[row] = moved.mean(0)
         with warnings.catch_warnings():
             # Of what is crushed to a line in some frame.

@@ -53,8 +53,9 @@ class PlacedSolid:
         step, outer = self.spacing / 2, self.filled.distance_at
         ends = [outer(points + shift) - outer(points - shift) for shift in step * np.eye(3)]
         slopes = np.stack(ends, axis=1)
-        # Nearer to the inner side of a wall than to the outer one: the way out is inwards.
-        slopes *= np.where(outer(points) < -self.wall / 2, -1.0, 1.0)[:, None]
+        if np.isfinite(self.wall):
+            # Nearer to the inner side of a wall than to the outer one: the way out is inwards.
+            slopes *= np.where(outer(points) < -self.wall / 2, -1.0, 1.0)[:, None]
         lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
         return slopes / np.where(lengths > 0, lengths, 1.0)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gasp_core import progress
+from gasp_core import io, progress
 from gasp_core.cli.main import main
 from gasp_core.discovery.registry import discover
 from gasp_core.io import write_splat
@@ -46,6 +46,22 @@ def everything_under(folder):
         for path in folder.rglob("*")
         if "__pycache__" not in path.parts
     }
+
+
+@pytest.fixture
+def interrupted_at(monkeypatch):
+    """Ctrl-C as a splat file of this name is written."""
+    written = io.write_splat
+
+    def ready(name):
+        def interrupted(path, gaussians):
+            if path.name == name:
+                raise KeyboardInterrupt
+            written(path, gaussians)
+
+        monkeypatch.setattr(io, "write_splat", interrupted)
+
+    return ready
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ import importlib.util
 
 import pytest
 
-from gasp_core import io
 from gasp_core.cli.command_group import BUILT_IN, gasp
 
 WRITES_NOTHING = {"materials", "engines", "verify"}
@@ -60,17 +59,10 @@ def frames_under(folder):
     return {path: path.read_bytes() for path in folder.rglob("*.ply")}
 
 
-def test_an_export_that_ends_early_leaves_the_earlier_one_as_it_was(gasp, recorded, workplace, monkeypatch):
+def test_an_export_that_ends_early_leaves_the_earlier_one_as_it_was(gasp, recorded, workplace, interrupted_at):
     assert gasp("export", "scene.gasp", "--all", "-o", "frames").status == 0
     before = frames_under(workplace)
-    written = io.write_splat
-
-    def interrupted(path, gaussians):
-        if path.name == "scene_0002.ply":
-            raise KeyboardInterrupt
-        written(path, gaussians)
-
-    monkeypatch.setattr(io, "write_splat", interrupted)
+    interrupted_at("scene_0002.ply")
     assert gasp("export", "scene.gasp", "--all", "-o", "frames", "--overwrite").status != 0
     assert gasp("export", "scene.gasp", "--all", "-o", "others").status != 0
     assert frames_under(workplace) == before

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gasp_core import io
 from gasp_core.cli.main import main
 from gasp_core.io import read_splat, write_splat
 from gasp_core.toy import make_toy
@@ -59,19 +58,12 @@ def test_a_shorter_motion_takes_the_place_of_a_longer_one(splat, capsys):
         assert names(splat / "toy_moved") == [*expected, "notes.txt"]
 
 
-def test_a_motion_that_ends_early_leaves_the_earlier_one_as_it_was(splat, monkeypatch):
+def test_a_motion_that_ends_early_leaves_the_earlier_one_as_it_was(splat, interrupted_at):
     assert main(["soup", "export", "toy.ply"]) == 0
     moving(3)
     assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy"]) == 0
     before = {path: path.read_bytes() for path in splat.rglob("*") if path.is_file()}
-    written = io.write_splat
-
-    def interrupted(path, gaussians):
-        if path.name == "moved_0001.ply":
-            raise KeyboardInterrupt
-        written(path, gaussians)
-
-    monkeypatch.setattr(io, "write_splat", interrupted)
+    interrupted_at("moved_0001.ply")
     np.save("moved.npy", np.load("moved.npy") + 1)
     before[splat / "moved.npy"] = (splat / "moved.npy").read_bytes()
     assert main(["soup", "import", "toy.ply", "toy.soup.ply", "moved.npy", "--overwrite"]) != 0

@@ -131,7 +131,7 @@ def _of_objects(recording: Recording) -> dict[str, float]:
     gone = dict.fromkeys(start, 0.0)
     places = start
     for frame in range(recording.frame_count):
-        places = places_at(recording, frame)
+        places = places_at(recording, frame, start)
         for name, own in places.items():
             squares = ((own - start[name]) ** 2).sum(axis=1)
             gone[name] = max(gone[name], math.sqrt(float(squares.max())))
