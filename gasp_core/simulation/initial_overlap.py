@@ -19,6 +19,9 @@ Array = NDArray[Any]
 
 _DEPTH = 0.5
 """In cells: how far inside a collider a point may start. Walls act at nodes, and nodes are felt no finer."""
+_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+_OFF = 1e-3
+"""Of half a cube's width: what is no deeper in a collider lies on it."""
 
 
 def starts_inside(problem: PointProblem, spacing: float, names: Sequence[str]) -> Iterator[tuple[int, str]]:
@@ -74,15 +77,16 @@ def rigid_bodies_overlap(problem: PointProblem) -> bool:
         if not all(isinstance(problem.materials[row], Rigid) for row in np.unique(points.material_ids[own])):
             continue
         places = points.reference_positions[own]
-        if any((_room(collider, places) < 0).any() for collider in problem.colliders):
-            return True
-        corners = [places - half[own], places + half[own]]
-        if problem.colliders or int(body) in known:
-            surface, slacks = _surface(problem, own, known.get(int(body)))
-            if any((_room(collider, surface) < -slacks).any() for collider in problem.colliders):
+        # Of what is known by its points the cubes that these stand for: making a surface of them would take as long as
+        # all else of a start, and the engine makes it anyway.
+        corners = (places[:, None] + half[own, None] * _CORNERS).reshape(-1, 3)
+        surface, slacks = corners, np.repeat(_OFF * half[own, 0], len(_CORNERS))
+        if int(body) in known:
+            surface, slacks = _surface(known[int(body)], places[:1])
+        for collider in problem.colliders:
+            if (_room(collider, places) < 0).any() or (_room(collider, surface) < -slacks).any():
                 return True
-            corners.append(surface)
-        reached = np.concatenate(corners)
+        reached = np.concatenate([corners, surface])
         boxes.append((reached.min(axis=0), reached.max(axis=0)))
     return any(
         bool((low < other_high).all() and (other_low < high).all())
@@ -90,15 +94,14 @@ def rigid_bodies_overlap(problem: PointProblem) -> bool:
     )
 
 
-def _surface(problem: PointProblem, rows: Array, known: SignedDistanceField | None) -> tuple[Array, Array]:
-    """Places (S, 3) [m] on the surface of the rigid body of the points `rows`, and by how much (S,) [m] each may be in
-    a collider before it is pushed out."""
+def _surface(known: SignedDistanceField, center: Array) -> tuple[Array, Array]:
+    """Places (S, 3) [m] on the surface of a rigid body about its centre (1, 3) [m], and by how much (S,) [m] each may
+    be in a collider before it is pushed out."""
     # Only where something is rigid: what it imports takes half a second.
     from gasp_core.stepping.rigid.contacts import SLACK
-    from gasp_core.stepping.rigid.surfaces import RigidSurfaces, cubes_field
+    from gasp_core.stepping.rigid.surfaces import RigidSurfaces
 
-    field = cubes_field(problem.points, rows) if known is None else known
-    surfaces = RigidSurfaces.of([field], problem.points.reference_positions[rows[:1]])
+    surfaces = RigidSurfaces.of([known], center)
     return surfaces.samples, SLACK * surfaces.reaches
 
 
