@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_frames
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.up_axes import UP_AXES
@@ -37,6 +38,7 @@ with reduction = { mode = "mesh" }.
     "--mesh-up", type=click.Choice(UP_AXES), help="The mesh's axis that is up. [default: it lies as the splat does]"
 )
 @click.option("--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The splat's, with --mesh-up.")
+@most_memory_option
 @overwrite_option("files")
 def bind(
     splat: Path, mesh: Path, moved: tuple[Path, ...], out: Path | None, suffix: str | None, mesh_up: Any, up: Any,

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import click
 
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_frames
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.up_axes import UP_AXES
@@ -59,6 +60,7 @@ splat's middle, in the splat's unit.
 @click.option(
     "--up", type=click.Choice(UP_AXES), default="-y", show_default=True, help="The splat's axis that points up."
 )
+@most_memory_option
 @overwrite_option("a soup")
 def export_soup(splat: Path, out: Path | None, vertices: str, shortest_edge: float, up: Any, overwrite: bool) -> None:
     """Write the triangles of SPLAT."""
@@ -89,6 +91,7 @@ of frames is played by motion = { kind = "frames" } in a scene.
 @click.argument("exported", metavar="SOUP", type=click.Path(path_type=Path))
 @click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=click.Path(path_type=Path))
 @frame_options
+@most_memory_option
 @overwrite_option("files")
 def import_soup(
     splat: Path, exported: Path, moved: tuple[Path, ...], out: Path | None, suffix: str | None, overwrite: bool

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.endings import SUFFIXES, refuse_a_file
+from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json, print_table
 
@@ -60,6 +61,7 @@ a surface that looks the same everywhere, none of these can tell.
     show_default=True,
     help="Nodes that the motion is made of: time goes with their third power, memory with their second, 3 GB for 800.",
 )
+@most_memory_option
 @click.option("--json", "as_json", is_flag=True, help="Print distances as JSON, and no progress.")
 @overwrite_option("a folder of frames")
 def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool, overwrite: bool) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from numpy.typing import NDArray
 
 from gasp_core.contract.points import PointCloud
-from gasp_core.contract.validation import finite
+from gasp_core.contract.validation import finite, whole_number
 
 __all__ = ["EngineAccuracy"]
 
@@ -53,12 +53,12 @@ class EngineAccuracy:
 
     def __post_init__(self) -> None:
         if self.resolution != "auto":
-            finite(self, "resolution", low=2, high=4096)
+            whole_number(self, "resolution", low=2, high=4096)
         finite(self, "substep_fraction", low=0.0, high=1.0, open_low=True)
         finite(self, "solver_tolerance", low=0.0, high=1.0, open_low=True)
-        finite(self, "substep_limit", low=1)
+        whole_number(self, "substep_limit", low=1)
         if self.iteration_limit is not None:
-            finite(self, "iteration_limit", low=1)
+            whole_number(self, "iteration_limit", low=1)
         for name in ("substep", "spacing"):
             if getattr(self, name) is not None:
                 finite(self, name, low=0.0, open_low=True)

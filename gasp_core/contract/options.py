@@ -12,7 +12,10 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+
 from gasp_core.contract.descriptor import EngineDescriptor
+from gasp_core.contract.validation import whole
 from gasp_core.errors import SceneError
 
 __all__ = ["build_options", "chosen_options"]
@@ -126,7 +129,8 @@ def _match_class(value: object, hint: type[Any]) -> tuple[bool, object]:
     if hint is bool or hint is str:
         return type(value) is hint, value
     if hint is int:
-        return type(value) is int, value
+        number = whole(value)
+        return number is not None, number
     if hint is float:
         return _match_float(value)
     if issubclass(hint, Enum):
@@ -138,7 +142,7 @@ def _match_class(value: object, hint: type[Any]) -> tuple[bool, object]:
 
 
 def _match_float(value: object) -> tuple[bool, object]:
-    if type(value) is bool or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
         return False, None
     try:
         return True, float(value)

@@ -16,6 +16,7 @@ from gasp_core.errors import SceneError
 
 __all__ = [
     "finite", "finite_vector", "frozen_array", "instance", "member", "members", "positive", "unit_vector", "whole",
+    "whole_number",
 ]  # fmt: skip
 
 Vector = tuple[float, float, float]
@@ -111,6 +112,19 @@ def whole(value: object) -> int | None:
     except TypeError:
         # As arrays of NumPy and its True have it.
         return None
+
+
+def whole_number(owner: object, name: str, *, low: float = -math.inf, high: float = math.inf) -> None:
+    """Replace a field by Python's own whole number, or refuse a fraction and what is outside [low, high].
+
+    24.0 is 24: numbers that were computed come so.
+    """
+    value = getattr(owner, name)
+    number = int(value) if isinstance(value, (float, np.floating)) and float(value).is_integer() else whole(value)
+    if number is None:
+        raise SceneError(f"{type(owner).__name__}.{name} must be a whole number, found {value!r}")
+    object.__setattr__(owner, name, number)
+    finite(owner, name, low=low, high=high)
 
 
 def finite_vector(owner: object, name: str) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Collider, SignedDistanceField
-from gasp_core.contract.validation import Vector, finite, finite_vector, positive
+from gasp_core.contract.validation import Vector, finite_vector, positive, whole_number
 from gasp_core.errors import SceneError
 from gasp_core.io import read_splat
 from gasp_core.io.format_errors import shown
@@ -133,7 +133,7 @@ class MeshShape(FileShape):
 
     def __post_init__(self) -> None:
         FileShape.__post_init__(self)
-        finite(self, "cells", low=8, high=512)
+        whole_number(self, "cells", low=8, high=512)
         if self.thickness is not None:
             positive(self, "thickness")
 

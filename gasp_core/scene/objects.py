@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from gasp_core.contract import BodyContact, Material, Shape
-from gasp_core.contract.validation import Vector, finite, finite_vector, instance, member, whole
+from gasp_core.contract.validation import Vector, finite, finite_vector, instance, member, whole_number
 from gasp_core.errors import SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.scene.columns import Column
@@ -114,15 +114,9 @@ class Reduction:
         if self.fraction is not None:
             finite(self, "fraction", low=0.0, open_low=True, high=1.0)
         object.__setattr__(self, "levels", 1 if self.levels is None else self.levels)
-        for name in ("count", "levels"):
-            value: object = getattr(self, name)
-            number = whole(value)
-            if value is not None and number is None:
-                raise SceneError(f"Reduction.{name} must be a whole number, found {value!r}")
-            object.__setattr__(self, name, number)
         if self.count is not None:
-            finite(self, "count", low=1)
-        finite(self, "levels", low=1, high=8)
+            whole_number(self, "count", low=1)
+        whole_number(self, "levels", low=1, high=8)
         object.__setattr__(self, "transfer", self.transfer or "least-squares")
         if self.transfer not in ("least-squares", "frame", "d-miso"):
             raise SceneError(

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from gasp_core.contract import (
     Precision,
 )
-from gasp_core.contract.validation import Vector, finite, finite_vector, member
+from gasp_core.contract.validation import Vector, finite, finite_vector, member, whole_number
 from gasp_core.errors import SceneError
 
 __all__ = ["VIEWS", "CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice", "Viewpoint"]
@@ -64,7 +64,7 @@ class EngineChoice:
             raise SceneError("EngineChoice.name must not be empty")
         if self.precision is not None:
             member(self, "precision", Precision)
-        finite(self, "seed", low=0)
+        whole_number(self, "seed", low=0)
         if self.frame_limit is not None:
             finite(self, "frame_limit", low=0.0, open_low=True)
 
@@ -131,7 +131,7 @@ class RecordingChoice:
     def __post_init__(self) -> None:
         finite(self, "checkpoint_seconds", low=0.0)
         if self.checkpoint_frames is not None:
-            finite(self, "checkpoint_frames", low=1)
+            whole_number(self, "checkpoint_frames", low=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

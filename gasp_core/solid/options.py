@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from gasp_core.contract.validation import finite, whole
+from gasp_core.contract.validation import finite, whole_number
 from gasp_core.errors import SceneError
 
 __all__ = ["SolidOptions"]
@@ -56,11 +56,7 @@ class SolidOptions:
 
     def __post_init__(self) -> None:
         if self.cells is not None:
-            cells = whole(self.cells)
-            if cells is None:
-                raise SceneError(f"SolidOptions.cells must be a whole number, found {self.cells!r}")
-            object.__setattr__(self, "cells", cells)
-            finite(self, "cells", low=8, high=256)
+            whole_number(self, "cells", low=8, high=256)
         finite(self, "opacity_gain", low=0.1, high=100.0)
         finite(self, "holes", low=0.0, high=1.0)
         for name, known in (

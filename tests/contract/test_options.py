@@ -6,6 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -76,6 +77,12 @@ def test_every_kind_of_value(engine):
         layers=(1, 2),
     )
     assert type(build_options(engine, {"damping": 1}).damping) is float
+
+
+def test_numbers_of_numpy_become_python_s_own(engine):
+    options = build_options(engine, {"threads": np.int64(2), "damping": np.float32(0.5)})
+    assert (options.threads, options.damping) == (2, 0.5)
+    assert type(options.threads) is int and type(options.damping) is float
 
 
 @pytest.mark.parametrize(

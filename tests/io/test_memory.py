@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -239,6 +240,25 @@ class TestWhatIsAllowed:
         assert main(["inspect", str(steep), "--most-memory", size]) == 0
         assert "200,000 Gaussians" in capsys.readouterr().out
         assert VARIABLE not in os.environ
+
+    @pytest.mark.parametrize(
+        "command",
+        [
+            ["bind", "{splat}", "cage.obj", "moved.obj"],
+            ["soup", "export", "{splat}"],
+            ["soup", "import", "{splat}", "a.soup.ply", "moved.npy"],
+            ["track", "{folder}"],
+        ],
+        ids=lambda command: " ".join(command[:2] if command[0] == "soup" else command[:1]),
+    )
+    def test_is_a_flag_of_every_command_whose_refusal_advises_it(self, steep, tmp_path, capsys, command):
+        frames = tmp_path / "frames"
+        frames.mkdir()
+        for number in range(2):
+            shutil.copy(steep, frames / f"{number}{steep.suffix}")
+        words = [word.format(splat=steep, folder=frames) for word in command]
+        assert main([*words, "--most-memory", "1K"]) == 2
+        assert "allow more with --most-memory" in capsys.readouterr().err
 
     @pytest.mark.parametrize("size", ["", "0", "G", "1e9", "-5M", "nan", "9" * 5000, "٣G"])
     def test_is_said_as_a_size(self, steep, capsys, size):
