@@ -10,6 +10,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_frames
 from gasp_core.cli.overwriting import overwrite_option
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
 
 __all__ = ["bind"]
@@ -30,9 +31,9 @@ motion = { kind = "frames" } in a scene; a physics engine moves the vertices
 with reduction = { mode = "mesh" }.
 """
 )
-@click.argument("splat", type=click.Path(path_type=Path))
-@click.argument("mesh", type=click.Path(path_type=Path))
-@click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=click.Path(path_type=Path))
+@click.argument("splat", type=PathHere())
+@click.argument("mesh", type=PathHere())
+@click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=PathHere())
 @frame_options
 @click.option(
     "--mesh-up", type=click.Choice(UP_AXES), help="The mesh's axis that is up. [default: it lies as the splat does]"

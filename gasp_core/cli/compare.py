@@ -12,7 +12,7 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json, print_table
-from gasp_core.cli.run_path import keep_at_option
+from gasp_core.cli.run_path import PathHere, keep_at_option
 from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -36,13 +36,13 @@ others go on. Exit status: 0 where at least one engine came to the end, else 2.
 Open comparison.html in a browser: tables, films side by side, plots.
 """
 )
-@click.argument("scene", type=click.Path(path_type=Path))
+@click.argument("scene", type=PathHere())
 @click.option("--engines", metavar="A,B,C", help="Engines, with commas between. [default: all that are ready]")
 @click.option(
     "--out",
     "-o",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Where it all goes. [default: the scene's name with .compare, in the current folder]",
 )
 @settings_options

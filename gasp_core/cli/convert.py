@@ -11,6 +11,7 @@ import click
 from gasp_core.cli.levels import level_option
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
 from gasp_core.errors import SplatFormatError
 
@@ -30,8 +31,8 @@ Examples:
   gasp convert duck.glb duck.ply --gaussians 100000     a mesh, as Gaussians on its faces
 """
 )
-@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
-@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.argument("source", metavar="IN", type=PathHere())
+@click.argument("target", metavar="OUT", type=PathHere())
 @level_option
 @click.option(
     "--gaussians",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gasp_core.cli.run_path import PathHere
 from gasp_core.errors import RecordingError, UnknownEngineError
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ Examples:
     "--out",
     "-o",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help=f"Folder to make. [default: {_FOLDER}, or {_FOLDER}-2 and so on where that is taken]",
 )
 @click.option("--frames", metavar="N", type=click.IntRange(min=1), help="Stop after N frames.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.run_path import PathHere
 
 if TYPE_CHECKING:
     from gasp_core.discovery.registry import Registry
@@ -131,7 +132,7 @@ def new(name: str) -> None:
 @click.option(
     "--python",
     metavar="PATH",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Interpreter to build it with.  [default: this one if it fits, else one on the PATH or of uv]",
 )
 def install(name: str, python: Path | None) -> None:

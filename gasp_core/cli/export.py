@@ -13,7 +13,7 @@ from gasp_core.cli.export_motion import export_motion
 from gasp_core.cli.export_stage import export_stage, is_stage, readable
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
-from gasp_core.cli.run_path import RunPath
+from gasp_core.cli.run_path import PathHere, RunPath
 from gasp_core.cli.up_axes import UP_AXES
 from gasp_core.errors import RecordingError
 
@@ -72,7 +72,7 @@ Examples:
     "--out",
     "-o",
     metavar="PATH",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="The file for --frame or --motion, the folder for --all. [default: named after the run, in this folder]",
 )
 def export(

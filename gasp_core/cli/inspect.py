@@ -11,6 +11,7 @@ from gasp_core.cli.levels import level_option
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
 
 if TYPE_CHECKING:
@@ -37,13 +38,13 @@ Examples:
 Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or streamed).
 """
 )
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PathHere())
 @level_option
 @most_memory_option
 @click.option("--solid", is_flag=True, help="Find the body that the splat is the surface of, and draw slices of it.")
 @click.option(
     "--slices",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Picture of them; implies --solid. [default: NAME.solid.png]",
 )
 @click.option("--height", type=float, metavar="METRES", help="As in a scene: coordinates are in metres then.")

@@ -10,6 +10,7 @@ import click
 
 from gasp_core.cli.endings import SUFFIXES, frames_in, refuse_a_file, refuse_another_ending
 from gasp_core.cli.overwriting import keep_what_is_there
+from gasp_core.cli.run_path import PathHere
 
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
@@ -98,7 +99,7 @@ def frame_options(command: Any) -> Any:
             "--out",
             "-o",
             metavar="PATH",
-            type=click.Path(path_type=Path),
+            type=PathHere(),
             help="The file for one frame, the folder for more. [default: SPLAT_moved.ply, SPLAT_moved]",
         ),
     ):

@@ -11,6 +11,7 @@ import click
 
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.run_path import PathHere
 from gasp_core.io.format_errors import shown
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ Examples:
   gasp run plant.toml --preview                        what comes next
 """
 )
-@click.argument("splat", type=click.Path(path_type=Path))
-@click.option("--out", "-o", metavar="SCENE", type=click.Path(path_type=Path), help="[default: SPLAT's name, .toml]")
+@click.argument("splat", type=PathHere())
+@click.option("--out", "-o", metavar="SCENE", type=PathHere(), help="[default: SPLAT's name, .toml]")
 @click.option("--height", metavar="METRES", type=click.FloatRange(min=0, min_open=True), help="How tall it is.")
 @click.option("--material", metavar="PRESET", help='What it is made of; "gasp materials" lists them.')
 @click.option(

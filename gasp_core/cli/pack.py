@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
-from gasp_core.cli.run_path import RunPath
+from gasp_core.cli.run_path import PathHere, RunPath
 
 __all__ = ["pack"]
 
@@ -29,7 +29,7 @@ Examples:
     "--out",
     "-o",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help=f"The file, .sog or .html. [default: NAME{_SUFFIX}, here]",
 )
 @click.option(

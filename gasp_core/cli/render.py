@@ -10,7 +10,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
-from gasp_core.cli.run_path import RunPath
+from gasp_core.cli.run_path import PathHere, RunPath
 from gasp_core.errors import RenderingError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ A camera of its own can stand in the scene file:
     "outs",
     metavar="PATH",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="film.mp4 (or .webm, .gif), sheet.png (key frames with their times) or a folder of pictures; more than one if"
     " you like. [default: named after RUN, .mp4; .png for a splat file]",
 )

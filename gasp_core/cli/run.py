@@ -18,6 +18,7 @@ from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.picture_size import Size
 from gasp_core.cli.printing import print_json
 from gasp_core.cli.rehearsing import rehearsed
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.settings import Settings, settings_options
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -66,7 +67,7 @@ Examples:
   gasp run scene.toml --resume        go on after Ctrl-C, a crash or a power cut
 """
 )
-@click.argument("scene", type=click.Path(path_type=Path))
+@click.argument("scene", type=PathHere())
 @click.option("--engine", metavar="NAME", help='Engine to use instead of the scene\'s; "gasp engines" lists them.')
 @settings_options
 @click.option(
@@ -86,7 +87,7 @@ Examples:
     "films",
     metavar="PATH",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Film it while it runs: film.mp4 (or .webm, .gif), sheet.png or a folder of pictures; more than one if you"
     " like.",
 )

@@ -1,4 +1,4 @@
-"""A recording on the command line: a folder, or an address that its copy is fetched from."""
+"""Paths on the command line: of this machine, or of a recording at an address, whose copy is fetched."""
 
 from __future__ import annotations
 
@@ -8,7 +8,25 @@ from typing import Any
 
 import click
 
-__all__ = ["RunPath", "keep_at_option"]
+__all__ = ["PathHere", "RunPath", "keep_at_option"]
+
+
+class PathHere(click.Path):
+    """A path on this machine, ``file:///tmp/film.mp4`` too: an address would become a folder called "s3:"."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path."""
+        from gasp_core.recording.address_names import address_of, path_here
+
+        path = path_here(os.fspath(value))
+        if address_of(path) is not None:
+            self.fail(
+                f"{value} is an address, and only recordings can be at one: give a path on this machine", param, ctx
+            )
+        return super().convert(path, param, ctx)
 
 
 class RunPath(click.Path):

@@ -10,6 +10,7 @@ import click
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_frames
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
 
 __all__ = ["soup"]
@@ -40,8 +41,8 @@ Gaussian and of their corner, and triangles. It lies with +z up about the
 splat's middle, in the splat's unit.
 """,
 )
-@click.argument("splat", type=click.Path(path_type=Path))
-@click.option("--out", "-o", metavar="FILE", type=click.Path(path_type=Path), help="[default: SPLAT.soup.ply]")
+@click.argument("splat", type=PathHere())
+@click.option("--out", "-o", metavar="FILE", type=PathHere(), help="[default: SPLAT.soup.ply]")
 @click.option(
     "--vertices",
     type=click.Choice(["auto", "3", "4"]),
@@ -87,9 +88,9 @@ the order of the soup. What has not moved comes back to the last bit. A folder
 of frames is played by motion = { kind = "frames" } in a scene.
 """,
 )
-@click.argument("splat", type=click.Path(path_type=Path))
-@click.argument("exported", metavar="SOUP", type=click.Path(path_type=Path))
-@click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=click.Path(path_type=Path))
+@click.argument("splat", type=PathHere())
+@click.argument("exported", metavar="SOUP", type=PathHere())
+@click.argument("moved", nargs=-1, required=True, metavar="MOVED...", type=PathHere())
 @frame_options
 @most_memory_option
 @overwrite_option("files")

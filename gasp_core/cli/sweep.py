@@ -12,7 +12,7 @@ import click
 from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json, print_table
-from gasp_core.cli.run_path import RunPath, keep_at_option
+from gasp_core.cli.run_path import PathHere, RunPath, keep_at_option
 from gasp_core.cli.settings import PRECISIONS, device_option
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -50,7 +50,7 @@ stay: the same command goes on after Ctrl-C, a crash or a lost machine. Exit
 status: 0 where at least one run came to its end, else 2.
 """
 )
-@click.argument("scene", type=click.Path(path_type=Path))
+@click.argument("scene", type=PathHere())
 @click.option(
     "--set",
     "changes",
@@ -59,9 +59,7 @@ status: 0 where at least one run came to its end, else 2.
     help="Values of a key of the scene file; of several keys every combination.",
 )
 @click.option("--zip", "zipped", is_flag=True, help="The first values of all keys, the second of all, and so on.")
-@click.option(
-    "--table", metavar="FILE.csv", type=click.Path(path_type=Path), help="Settings, a run a line, instead of --set."
-)
+@click.option("--table", metavar="FILE.csv", type=PathHere(), help="Settings, a run a line, instead of --set.")
 @click.option("--engine", metavar="NAME", help='Of all runs, instead of the scene\'s; "gasp engines" lists them.')
 @device_option
 @click.option("--precision", type=click.Choice(PRECISIONS), help="Of the engine's numbers.")
@@ -71,7 +69,7 @@ status: 0 where at least one run came to its end, else 2.
     "--out",
     "-o",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Where the table goes. [default: the scene's name with .sweep, in the current folder]",
 )
 @click.option("--keep", is_flag=True, help="Keep the recordings, in FOLDER/runs.")

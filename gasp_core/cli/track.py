@@ -11,6 +11,7 @@ from gasp_core.cli.endings import SUFFIXES, refuse_a_file
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.run_path import PathHere
 
 if TYPE_CHECKING:
     from gasp_core.tracking import Tracked
@@ -45,12 +46,12 @@ share of the frame that nothing tracked is near to. How far something slides alo
 a surface that looks the same everywhere, none of these can tell.
 """
 )
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PathHere())
 @click.option(
     "--out",
     "-o",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Where the frames go. [default: FOLDER_tracked]",
 )
 @click.option("--format", "suffix", type=click.Choice(_FORMATS), default="ply", show_default=True)

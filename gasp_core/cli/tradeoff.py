@@ -12,6 +12,7 @@ from gasp_core.cli.backends import Makers, makers_options
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import overwrite_option
 from gasp_core.cli.printing import print_json, print_table
+from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.settings import PRECISIONS, device_option, set_option, share
 from gasp_core.cli.trust_code import code_is_trusted, trust_code_option
 
@@ -77,7 +78,7 @@ A truth of your own is a function in a Python file:
 FRONT marks the settings that no other one beats in both error and time.
 """
 )
-@click.argument("scene", type=click.Path(path_type=Path))
+@click.argument("scene", type=PathHere())
 @click.option("--engine", metavar="NAME", help='Engine to use instead of the scene\'s; "gasp engines" lists them.')
 @device_option
 @set_option
@@ -120,7 +121,7 @@ FRONT marks the settings that no other one beats in both error and time.
     "--out",
     "-o",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=PathHere(),
     help="Where table and plot go. [default: the scene's name with .tradeoff, in the current folder]",
 )
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Of the order of the runs.")

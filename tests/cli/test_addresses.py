@@ -51,3 +51,26 @@ def test_what_is_not_there_is_one_line(bucket, tmp_path, monkeypatch, capsys, co
     assert main([command, f"{bucket}/none.gasp"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"{bucket}/none.gasp: there is no such recording" in error
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["inspect", "s3://bucket/toy.ply"],
+        ["convert", "toy.ply", "s3://bucket/toy.splat"],
+        ["run", "scene.toml", "--render", "s3://bucket/film.mp4"],
+        ["compare", "scene.toml", "--engines", "ballistic", "--out", "gs://bucket/both"],
+        ["sweep", "s3://bucket/scene.toml", "--set", "scene.duration=1"],
+        ["soup", "export", "toy.ply", "-o", "s3://bucket/soup.ply"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_what_is_no_recording_is_on_this_machine(workplace, refused, command):
+    """Not in a folder called "s3:"."""
+    refused(*command, says=["is an address, and only recordings can be at one"])
+    assert not list(workplace.glob("*:"))
+
+
+def test_a_file_has_an_address_too(gasp, workplace):
+    assert gasp("convert", (workplace / "toy.ply").as_uri(), (workplace / "other.splat").as_uri()).status == 0
+    assert (workplace / "other.splat").is_file()
