@@ -11,13 +11,16 @@ import warnings
 from collections.abc import Sequence
 
 from gasp_core.errors import GaspError
+from gasp_core.processes.termination import terminable
 
-__all__ = ["FAILED", "INTERRUPTED", "TRACEBACK_VARIABLE", "main"]
+__all__ = ["FAILED", "INTERRUPTED", "TERMINATED", "TRACEBACK_VARIABLE", "main"]
 
 FAILED = 2
 """Exit status of every error."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it (128 + SIGINT)."""
+TERMINATED = 143
+"""Exit status after SIGTERM, which ends a command as Ctrl-C does (128 + SIGTERM)."""
 _BROKEN_PIPE = 141
 """Exit status where nobody reads the output any more (128 + SIGPIPE)."""
 
@@ -44,20 +47,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Where stderr is no file, nobody would read it.
         with contextlib.suppress(AttributeError, OSError, RuntimeError, ValueError):
             faulthandler.enable(all_threads=False)
-    try:
-        status = _run(arguments)
-        # Here, not at exit: a full disk behind stdout is an error like any other.
-        sys.stdout.flush()
-        return status
-    except KeyboardInterrupt as error:
-        _traceback()
-        return _complain(str(error) or "interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        _abandon_stdout()
-        return _BROKEN_PIPE
-    except Exception as error:
-        _traceback()
-        return _complain(_message(error), FAILED)
+    with terminable() as terminated:
+        try:
+            status = _run(arguments)
+            # Here, not at exit: a full disk behind stdout is an error like any other.
+            sys.stdout.flush()
+            return status
+        except KeyboardInterrupt as error:
+            _traceback()
+            return _complain(str(error) or "interrupted", TERMINATED if terminated.is_set() else INTERRUPTED)
+        except BrokenPipeError:
+            _abandon_stdout()
+            return _BROKEN_PIPE
+        except Exception as error:
+            _traceback()
+            return _complain(_message(error), FAILED)
 
 
 def _run(arguments: Sequence[str]) -> int:

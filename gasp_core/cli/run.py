@@ -126,7 +126,7 @@ def run(
     """Simulate a scene and keep its frames.
 
     SCENE is a TOML file: which splats, what they are made of, what they meet. Every frame is safe on disk once it is
-    written; Ctrl-C stops cleanly and says how to go on.
+    written; Ctrl-C and SIGTERM stop cleanly and say how to go on.
     """
     if quiet and verbose:
         raise click.UsageError("--quiet and --verbose contradict each other: say one of them")
@@ -291,8 +291,8 @@ def _told(folder: Path, recorded: Callable[[int], None] | None) -> Callable[[int
 
 
 def interrupted(recording: Recording) -> bool:
-    """Whether Ctrl-C ended the run; the driver stops cleanly then and returns what there is."""
-    return recording.status == "incomplete" and recording.reason.startswith("stopped by Ctrl-C")
+    """Whether Ctrl-C or SIGTERM ended the run; the driver stops cleanly then and returns what there is."""
+    return recording.status == "incomplete" and recording.reason.startswith("interrupted after frame")
 
 
 def _outcome(recording: Recording) -> dict[str, object]:

@@ -115,7 +115,7 @@ class FrameLoop:
                 self._recorded(frame)
                 if interrupted.is_set() and frame + 1 < end:
                     self._keep(frame, session, always=True)
-                    return f"stopped by Ctrl-C after frame {frame} of {scene.frame_count - 1}"
+                    return f"interrupted after frame {frame} of {scene.frame_count - 1}"
                 self._keep(frame, session, always=frame + 1 == end)
         return ""
 

@@ -147,16 +147,22 @@ def workers_of(process):
     return [child.pid for child in psutil.Process(process.pid).children(recursive=True)]
 
 
-def test_ctrl_c_stops_at_the_frame_and_the_worker_is_not_hit(run, tmp_path, gone, logs):
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_and_sigterm_stop_at_the_frame_and_the_worker_is_not_hit(run, tmp_path, gone, logs, number, status):
     process = run()
     wait_for(lambda: (tmp_path / "scene.gasp/commits/00000003").exists())
     workers = workers_of(process)
-    os.killpg(process.pid, signal.SIGINT)
+    if number == signal.SIGTERM:
+        # As Slurm does, to all processes of a step, whatever session they are of.
+        for worker in workers:
+            os.kill(worker, number)
+    os.killpg(process.pid, number)
     out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, err
+    assert process.returncode == status, err
+    assert "to go on: gasp run scene.toml --resume" in err
     told = json.loads(out)
     assert told["status"] == "incomplete"
-    assert "stopped by Ctrl-C after frame" in told["reason"]
+    assert "interrupted after frame" in told["reason"]
     assert workers
     assert gone(*workers)
     assert Recording.open(tmp_path / "scene.gasp").frame_count == told["frame_count"] >= 4

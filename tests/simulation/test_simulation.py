@@ -196,7 +196,7 @@ def test_ctrl_c_stops_cleanly_and_resuming_gives_the_same(scene_of, run, tmp_pat
     scene = scene_of(options={"fault": "interrupt", "fault_time": 0.2, "spin": 1.0})
     recording = run(scene, tmp_path / "a.gasp")
     assert (recording.status, recording.frame_count) == ("incomplete", 6)
-    assert "Ctrl-C after frame 5 of 10" in recording.reason
+    assert "interrupted after frame 5 of 10" in recording.reason
     again = run(scene, tmp_path / "a.gasp", resume=True)
     assert (again.status, again.frame_count) == ("complete", 11)
     for a, b in zip(frames_of(whole), frames_of(again), strict=True):

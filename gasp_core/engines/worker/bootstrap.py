@@ -61,8 +61,10 @@ def main() -> None:
 
     # Lent as all of GASP, and of the standard library alone: NumPy, which starts threads, comes after the fork.
     from gasp_core.processes.guard import guard_group, read_nothing
+    from gasp_core.processes.termination import ignore_termination
 
     guard_group(_LINGER)
+    ignore_termination()
     incoming, outgoing = os.dup(0), os.dup(1)
     read_nothing()
     os.dup2(2, 1)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gasp_core.processes.guard import guard_group, read_nothing
+from gasp_core.processes.termination import ignore_termination
 from gasp_core.studies.runs.outcome import RunStatus
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def main() -> None:
     """Make the run."""
     # First of all, while there are no threads and next to no memory to fork.
     guard = guard_group()
+    ignore_termination()
     read_nothing()
 
     import faulthandler
