@@ -134,6 +134,10 @@ class SortedCloud(ABC):
         """(N, `layout.POINT_WIDTH`), as in `Rows.points`."""
 
     @abstractmethod
+    def _write_points(self, points: Array) -> None:
+        """Put rows, (N, `layout.POINT_WIDTH`), as `_point_rows` gave them, back where they are kept."""
+
+    @abstractmethod
     def _velocity_rows(self) -> Array:
         """(N, 3) in the engine's units: on a CPU the very memory."""
 
@@ -290,6 +294,20 @@ class SortedCloud(ABC):
     def _scene_cells(self, rows: Array) -> Array:
         cells = self._cell_rows()[rows]
         return cells - self._stands[self._bodies[self._ids[rows]]] if self._stands.any() else cells
+
+    # ---- writing ----------------------------------------------------------------------------------------------------
+
+    def push(self, members: Array, change: Array) -> None:
+        """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
+        points = self._point_rows()
+        points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
+        self._write_points(points)
+
+    def weigh(self, masses: Array) -> None:
+        """Have points count with masses (N,) [kg], in the given order, from now on: with its mass goes its stress."""
+        points = self._point_rows()
+        points[:, at.MASS] = masses[self._ids] / self.units.mass
+        self._write_points(points)
 
     # ---- reading ----------------------------------------------------------------------------------------------------
 

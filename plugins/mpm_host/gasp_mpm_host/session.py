@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status, Wind
 from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
-from gasp_core.stepping.forcing import bodies_held, drives_at, force_fields_at
+from gasp_core.stepping.forcing import drives_at, force_fields_at
 from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.session import RigidSession
@@ -26,6 +26,7 @@ from gasp_core.stepping.time_step import MotionLimits, hardening_of, limits_of, 
 from gasp_mpm_host import layout as at
 from gasp_mpm_host.cells import GridTooLargeError
 from gasp_mpm_host.forcing_tables import FieldTable, Forcing, collider_rows, drive_rows, wind_rows
+from gasp_mpm_host.holding import Holding, WeighedCloud
 from gasp_mpm_host.led_steps import LedSteps
 from gasp_mpm_host.rigid_steps import RigidSteps
 from gasp_mpm_host.rows import Survey
@@ -53,7 +54,7 @@ class FarAwayError(Exception):
     """A point is too many cells away to be given a cell."""
 
 
-class SteppedCloud(Protocol):
+class SteppedCloud(WeighedCloud, Protocol):
     """Points and grid in a backend's memory."""
 
     def survey(self) -> Survey:
@@ -85,10 +86,6 @@ class SteppedCloud(Protocol):
 
     def push(self, members: Array, change: Array) -> None:
         """Add `change` (3,) [m/s] to the velocities of `members` (N,)."""
-        ...
-
-    def positions(self) -> Array:
-        """(N, 3) [m], in the given order."""
         ...
 
     def velocities(self) -> Array:
@@ -203,6 +200,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
             interventions.append(RigidSteps(staged, rigid))
         self._interrupted = InterruptedSteps(staged, interventions) if interventions else None
         self._bodies = int(problem.points.body_ids.max()) + 1
+        self._holding = Holding(problem, rigid, units.spacing)
         self._clamped = False
         self._inverted = 0
 
@@ -210,6 +208,7 @@ class MpmSession(SteppedSession[SteppedCloud]):
         """See `SteppedSession`."""
         self._clamped = False
         self._inverted = 0
+        self._holding.begin_advance()
 
     def warnings(self) -> list[str]:
         """See `SteppedSession`."""
@@ -265,13 +264,8 @@ class MpmSession(SteppedSession[SteppedCloud]):
         cloud, begin = self.held(), self._time
         winds = [wind for wind in force_fields_at(self._problem.force_fields, begin) if isinstance(wind, Wind)]
         drives = drives_at(self._problem.drives, begin)
+        holding = self._holding.bodies(drives, begin, cloud)
         placed = [drive_rows(drives, begin + index * step, step, self._units, self._fields) for index in range(count)]
-        holding = np.ones((len(drives), self._bodies))
-        if drives and self._rigid is not None:
-            holding = self._rigid.bodies_held(drives, begin, cloud.positions(), self._units.spacing)
-        elif drives and self._bodies > 1:
-            points, bodies = cloud.positions(), self._problem.points.body_ids
-            holding = bodies_held(drives, begin, points, bodies, self._bodies, self._units.spacing)
         forcing = Forcing(
             colliders=self._walls(begin, step, count),
             winds=wind_rows(winds, step, self._units, self._fields),

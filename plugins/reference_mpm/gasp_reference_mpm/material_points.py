@@ -60,6 +60,8 @@ class Matter:
         c^2 rho dx^2 of the bulk viscosity that stops shocks; nought where there is none.
     mass_damping : (N,) [1/s]
         How fast all velocities fall by the material's own damping.
+    firmness : (N,)
+        How many times mass and stress count on the grid (`gasp_core.stepping.held_matter`).
     """
 
     masses: Array
@@ -72,6 +74,7 @@ class Matter:
     crowding_decays: Array
     shock_viscosities: Array
     mass_damping: Array
+    firmness: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +129,7 @@ def matter_of(problem: PointProblem, spacing: float) -> Matter:
         crowding_decays=np.array([crowdings[index] for index in ids]),
         shock_viscosities=SHOCK_VISCOSITY * spacing**2 * np.where(flows, 0.0, problem.masses / volumes),
         mass_damping=np.array([getattr(one, "mass_damping", 0.0) for one in problem.materials])[ids],
+        firmness=np.ones(len(ids)),
     )
 
 
@@ -187,7 +191,8 @@ def _mean_pressure(matter: Matter, motion: Motion, stencil: Stencil) -> Array:
     tight = np.flatnonzero(stiffness)
     pressure = np.zeros(len(stiffness))
     if len(tight):
-        means = local_means(stencil, tight, matter.volumes[tight], (stiffness * dilation)[tight])
+        counted = (matter.firmness * matter.volumes)[tight]
+        means = local_means(stencil, tight, counted, (stiffness * dilation)[tight])
         pressure[tight] = stiffness[tight] * leverage[tight] * means
     return pressure
 

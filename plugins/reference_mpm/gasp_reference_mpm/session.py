@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, EngineAccuracy, Field, Impulse, PointProblem, PointState, Status
 from gasp_core.stepping.forcing import bodies_held, drives_at
+from gasp_core.stepping.held_matter import firmness
 from gasp_core.stepping.led_nodes import LedGrid
 from gasp_core.stepping.led_points import LedPoints
 from gasp_core.stepping.rigid.side import RigidSide
@@ -51,6 +52,7 @@ class ReferenceSession(SteppedSession[Motion]):
         self._spacing = spacing
         self._held_back = np.zeros(len(matter.masses), dtype=bool)
         self._inverted = 0
+        self._firm_for: list[int] | None = None
         self._hardening = hardening_of(problem)
         self._rigid = rigid
         led = LedPoints.of(problem)
@@ -60,6 +62,7 @@ class ReferenceSession(SteppedSession[Motion]):
         """See `SteppedSession`."""
         self._held_back[:] = False
         self._inverted = 0
+        self._firm_for = None
 
     def warnings(self) -> list[str]:
         """See `SteppedSession`."""
@@ -140,6 +143,9 @@ class ReferenceSession(SteppedSession[Motion]):
             holding = bodies_held(drives, start, places, bodies, int(bodies.max()) + 1, self._spacing)
         else:
             holding = self._rigid.bodies_held(drives, start, places, self._spacing)
+        if self._firm_for != (acting := list(map(id, drives))):
+            counted = firmness(self._problem, drives, start, places, holding, self._spacing)
+            self._matter, self._firm_for = replace(self._matter, firmness=counted), acting
         lead = None if self._led is None else Lead.during(self._led, start, start + taking * step)
         for index in range(taking):
             now = start + index * step

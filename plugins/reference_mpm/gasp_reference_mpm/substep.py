@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import DomainPolicy, PointProblem
+from gasp_core.stepping.mpm import presence
 from gasp_core.stepping.rigid.side import RigidSide
 from gasp_reference_mpm.bodies import looked, met
 from gasp_reference_mpm.boundary import blown, collided, driven, kept_inside, kept_out
@@ -51,8 +52,9 @@ def substep(
     (symplectic Euler).
     """
     stencil = stencil_around(motion.positions, spacing, problem.points.body_ids)
-    tensions = (step * matter.volumes)[:, None, None] * kirchhoff_stress(matter, motion, stencil)
-    grid = scatter(stencil, spacing, matter.masses, motion.velocities, motion.affine_velocities, tensions)
+    tensions = (step * matter.firmness * matter.volumes)[:, None, None] * kirchhoff_stress(matter, motion, stencil)
+    masses = matter.firmness * matter.masses
+    grid = scatter(stencil, spacing, masses, motion.velocities, motion.affine_velocities, tensions)
 
     velocities = grid.momentum / grid.mass[:, None] + step * np.asarray(problem.gravity)
     places = grid.positions + origin
@@ -91,7 +93,8 @@ def substep(
     point_velocities, affine_velocities, velocity_gradients = gather(stencil, spacing, grid.nodes, velocities)
     roomy = with_room(matter, motion, stencil, grid, problem.colliders, origin, spacing, time, step)
     deformations, history = deformed(matter, roomy, velocity_gradients, step)
-    carrying = carried(stencil, spacing, grid, velocities, motion.tracers, matter.tracer_bodies)
+    present = presence(grid.mass, float(matter.masses.mean()))
+    carrying = carried(stencil, spacing, grid.nodes, present, velocities, motion.tracers, matter.tracer_bodies)
     tracers = motion.tracers + step * carrying
     if problem.domain is not None and problem.domain.policy is DomainPolicy.CLAMP:
         # One that nothing moves may stay outside.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.stepping.mpm import GRADIENT_SHARE, presence
+from gasp_core.stepping.mpm import GRADIENT_SHARE
 
 __all__ = [
     "GridMomentum",
@@ -124,15 +124,12 @@ class GridMomentum:
     momentum : (G, 3) [kg m/s]
         After the step's stress.
     positions : (G, 3) [m]
-    presence : (G,)
-        How much a node counts for tracers.
     """
 
     nodes: Array
     mass: Array
     momentum: Array
     positions: Array
-    presence: Array
 
 
 def inverse_inertia(spacing: float) -> float:
@@ -217,7 +214,6 @@ def scatter(
         mass=mass[nodes],
         momentum=_sums(stencil, nodes, given),
         positions=stencil.fields.coordinates(nodes) * spacing,
-        presence=presence(mass[nodes], float(masses.mean())),
     )
 
 
@@ -267,19 +263,25 @@ def weighted_sums(stencil: Stencil, nodes: Array, values: Array) -> Array:
 
 
 def carried(
-    stencil: Stencil, spacing: float, grid: GridMomentum, grid_velocities: Array, places: Array, bodies: Array
+    stencil: Stencil,
+    spacing: float,
+    nodes: Array,
+    present: Array,
+    grid_velocities: Array,
+    places: Array,
+    bodies: Array,
 ) -> Array:
     """Velocities (M, 3) [m/s] of massless tracers at `places` (M, 3) [m].
 
-    The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for
-    (`gasp_core.stepping.mpm.presence`); where there is none, zero.
+    The mean over the nodes around each, weighted by the B-splines and by how much matter a node stands for; where there
+    is none, zero.
 
     Parameters
     ----------
     stencil
         Of the points: where the nodes are.
-    grid
-        What the points gave to them.
+    nodes, present : (G,)
+        Which of them have mass, and how much each counts (`gasp_core.stepping.mpm.presence`).
     grid_velocities : (G, 3) [m/s]
     bodies : (M,)
         Whose matter carries each.
@@ -290,16 +292,16 @@ def carried(
     base, _, along = _splines(np.clip(places / spacing, lowest - 9.0, highest + 9.0))
     node, products = base[:, None, :] + _NEIGHBOURS, _products(along)
     place = np.zeros(fields.size, dtype=np.int64)
-    place[grid.nodes] = np.arange(len(grid.nodes))
-    present = np.zeros(fields.size)
-    present[grid.nodes] = grid.presence
+    place[nodes] = np.arange(len(nodes))
+    counts = np.zeros(fields.size)
+    counts[nodes] = present
     total, sums = np.zeros(len(places)), np.zeros((len(places), 3))
     for body, (corner, shape) in enumerate(zip(fields.corners, fields.shapes)):
         within: Array = np.all((node >= corner) & (node < corner + shape), axis=2) & (bodies == body)[:, None]
         if not within.any():
             continue
         flat = fields.flat(np.array(body), np.where(within[..., None], node, corner))
-        weights = np.where(within, products * present[flat], 0.0)
+        weights = np.where(within, products * counts[flat], 0.0)
         total += weights.sum(axis=1)
         sums += (weights[:, None, :] @ grid_velocities[place[flat]])[:, 0]
     return sums / np.where(total > 0, total, 1.0)[:, None]

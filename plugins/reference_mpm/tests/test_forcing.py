@@ -26,6 +26,7 @@ from gasp_core.contract import (
     Status,
     Wind,
 )
+from gasp_core.stepping.grid import GridAnchor
 
 
 def test_impulse_gives_its_momentum_once_at_its_time() -> None:
@@ -86,6 +87,31 @@ def test_pinned_matter_stands_still_until_its_window_ends() -> None:
         np.testing.assert_array_equal(session.read(ALL).velocities, 0)
         session.advance_to(0.2)
         np.testing.assert_allclose(session.read(ALL).velocities[:, 2], -0.981, rtol=1e-12)
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.25, 0.5, 0.75])
+def test_a_clamp_is_felt_on_its_plane_wherever_the_grid_lies(beyond: float) -> None:
+    spacing, free, density, modulus, gravity = 0.1, 6, 1000.0, 1e6, 1.0
+    length = free * spacing
+    bar = box((free + 3, 1, 1), spacing, (-3 * spacing, 0.0, 0.0))
+    # The plane of the clamp is `beyond` cells behind a node; a bar that is one cell wide hangs along its axis.
+    anchor = GridAnchor(place=(-beyond * spacing, 0.0, 0.0))
+    rate = math.pi / 2 * math.sqrt(modulus / density) / length
+    scene = problem(
+        bar,
+        spacing,
+        Elastic(density=density, youngs_modulus=modulus, poissons_ratio=0.0),
+        gravity=(gravity, 0.0, 0.0),
+        drives=(Pinned(region=HalfSpace(point=(0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))),),
+        force_fields=(Wind(velocity=(0.0, 0.0, 0.0), drag=2 * rate),),
+        hints=(anchor,),
+    )
+    hung = run(scene, spacing, [12 / rate]).positions - bar
+    place = bar[:, 0]
+    exact = density * gravity / modulus * (length * place - place**2 / 2)
+    error = hung[place > 0, 0].mean() / exact[place > 0].mean() - 1
+    # The drop goes with the length squared: a fifth of a cell in six.
+    assert abs(error) < 2 * 0.2 / free
 
 
 def test_driven_matter_moves_as_a_rigid_body_with_its_region() -> None:

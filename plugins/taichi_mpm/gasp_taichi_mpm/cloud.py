@@ -103,6 +103,10 @@ class Cloud(SortedCloud):
     def _point_rows(self) -> Array:
         return unpacked(self._memory.get(self._points))
 
+    def _write_points(self, points: Array) -> None:
+        runtime.require(self._runtime)
+        self._memory.write(self._points, packed(points))
+
     def _velocity_rows(self) -> Array:
         return self._memory.get(self._points).reshape(-1, words.POINT_ROWS, 4)[:, words.VELOCITY, :3]
 
@@ -385,13 +389,6 @@ class Cloud(SortedCloud):
             self._x, self._points, self._labels, self._materials, self._put_control(), self._met, self._chart
         )
         return Survey.of(self._memory.get(self._chart).reshape(-1, at.SURVEY_WIDTH), self.units)
-
-    def push(self, members: Array, change: Array) -> None:
-        """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
-        runtime.require(self._runtime)
-        points = self._memory.get(self._points).reshape(-1, words.POINT_ROWS, 4)
-        points[members[self._ids], words.VELOCITY, :3] += (change / self.units.speed).astype(self._host_real)
-        self._memory.write(self._points, points.reshape(-1, 4))
 
     def close(self) -> None:
         """Leave Taichi to whoever else uses it."""

@@ -141,6 +141,10 @@ class Cloud(StagedSteps):
         """On the CPU the very memory, on a GPU a copy."""
         return self._tables.points.numpy().reshape(-1, at.POINT_WIDTH)
 
+    def _write_points(self, points: Array) -> None:
+        if not self._device.is_cpu:
+            self._tables.points.assign(points.reshape(-1))
+
     def _velocity_rows(self) -> Array:
         return self._point_rows()[:, at.VELOCITY : at.VELOCITY + 3]
 
@@ -330,13 +334,6 @@ class Cloud(StagedSteps):
                 ]
             )
         return Survey.of(self._chart.numpy().reshape(-1, at.SURVEY_WIDTH), self.units)
-
-    def push(self, members: Array, change: Array) -> None:
-        """Add `change` (3,) [m/s] to the velocities of the points `members` (N,) bool, in the given order."""
-        points = self._point_rows()
-        points[members[self._ids], at.VELOCITY : at.VELOCITY + 3] += (change / self.units.speed).astype(points.dtype)
-        if not self._device.is_cpu:
-            self._tables.points.assign(points.reshape(-1))
 
     def close(self) -> None:
         """End the threads."""
