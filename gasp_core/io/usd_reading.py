@@ -29,6 +29,8 @@ __all__ = ["read_usd"]
 
 Array = NDArray[Any]
 
+_LEAST = 40 << 20
+"""Bytes that USD wants for any stage."""
 _LONGEST_ANSWER = 1 << 26
 _DEGREES = range(5)
 # From z up to y down: x stays, y goes away from the viewer. As `turned` is from y up.
@@ -49,7 +51,8 @@ def read_usd(path: Path, size: int) -> tuple[Gaussians, str]:
         raise malformed(path, "is a stage of USD by another name", f"call it {' or '.join(READ_SUFFIXES)}")
     if find_spec("pxr") is None:
         raise malformed(path, "reading USD takes another package", 'install it: pip install "gasp-core[usd]"')
-    command = [sys.executable, "-P", "-m", usd_worker.__name__, str(path.absolute()), str(most_memory(path, size))]
+    most = max(_LEAST, most_memory(path, size))
+    command = [sys.executable, "-P", "-m", usd_worker.__name__, str(path.absolute()), str(most)]
     # Threads would each have a stack, which counts as memory.
     around = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1", "OPENBLAS_NUM_THREADS": "1"}
     around["PYTHONPATH"] = os.pathsep.join(entry for entry in sys.path if entry)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Generator
 from contextlib import suppress
@@ -36,7 +37,9 @@ _SPLAT = "ParticleField3DGaussianSplat"
 _HIDDEN = ("proxy", "guide")
 _MOST_PRIMS = 100_000
 _SECONDS = 5
-"""Of processor time, and one more for each megabyte."""
+"""Of processor time, and one more for each megabyte of the file."""
+_LONGER = 12
+"""Times as long by the clock: what has no memory left may wait for ever."""
 
 
 class _RefusedError(Exception):
@@ -112,8 +115,9 @@ def _limit(most: int, size: int) -> None:
     except (ImportError, OSError):
         return
     allowed = int(held[0]) * 1024 + most
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    seconds = int(used.ru_utime + used.ru_stime) + 1 + _SECONDS + (size >> 20)
+    used, seconds = resource.getrusage(resource.RUSAGE_SELF), _SECONDS + (size >> 20)
+    signal.alarm(_LONGER * seconds)
+    seconds += int(used.ru_utime + used.ru_stime) + 1
     with suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_DATA, (allowed, allowed))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
@@ -122,7 +126,8 @@ def _limit(most: int, size: int) -> None:
 
 def _refuse_others(layer: Any) -> None:
     """Refuse a stage that is made of other files too: nothing is opened but what was named."""
-    others = sorted(layer.GetCompositionAssetDependencies())
+    # A reference within the stage names no file.
+    others = sorted(name for name in layer.GetCompositionAssetDependencies() if name)
     paths: list[Any] = []
     layer.Traverse("/", paths.append)
     for path in paths:
