@@ -243,3 +243,15 @@ def cloud_glb(count=5, degree=1, seed=0, **changes):
     gltf = Gltf()
     gltf.mesh(gltf.cloud(cloud_arrays(count, degree, seed)))
     return gltf.packed(**changes)
+
+
+def spz_glb(content, name=f"{KHR}_compression_spz_2"):
+    """A .glb whose Gaussians are packed as .spz, by an extension of one of three names."""
+    gltf = Gltf()
+    inner = {name: {"bufferView": gltf.view(content)}}
+    within = name.startswith(KHR)
+    gltf.mesh(
+        {"attributes": {"POSITION": 0}, "mode": 0, "extensions": {KHR: {"extensions": inner}} if within else inner}
+    )
+    # Accessors are there for what cannot unpack them, and have no numbers.
+    return gltf.packed(accessors=[{"componentType": 5126, "count": 7, "type": "VEC3"}])
