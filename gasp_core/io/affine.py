@@ -20,7 +20,7 @@ _LARGEST = 1e18
 """Stretch or way that no file means; the square is still a number of float32."""
 _ALIKE = 1e-6
 """Difference of stretches that is rounding: files hold matrices as float32."""
-_CHUNK = 1 << 16
+_CHUNK = 1 << 14
 
 
 def flattens(matrix: Array) -> bool:
@@ -62,7 +62,7 @@ def moved(gaussians: Gaussians, matrix: Array) -> Gaussians:
             scales = gaussians.scales.astype(np.float64) * stretches.mean()
         else:
             quaternions, scales = _stretched(gaussians, linear)
-        harmonics = turn_coefficients(gaussians.harmonics, np.broadcast_to(nearest, (len(gaussians), 3, 3)))
+        harmonics = _turned(gaussians.harmonics, nearest)
         return Gaussians(
             means=means,
             quaternions=quaternions.astype(np.float32),
@@ -70,6 +70,19 @@ def moved(gaussians: Gaussians, matrix: Array) -> Gaussians:
             opacities=gaussians.opacities,
             harmonics=harmonics,
         )
+
+
+def _turned(harmonics: Array, turn: Array) -> Array:
+    """Harmonics (N, K, 3) of Gaussians that are all turned, or mirrored, by one orthogonal matrix; float32."""
+    count = harmonics.shape[1]
+    # Where one of them goes, others aside, is a row.
+    ways = np.repeat(np.eye(count)[:, :, None], 3, axis=2)
+    ways = turn_coefficients(ways, np.broadcast_to(turn, (count, 3, 3)))[:, :, 0]
+    turned = np.empty(harmonics.shape, np.float32)
+    for start in range(0, len(harmonics), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        turned[part] = ways.T @ harmonics[part].astype(np.float64)
+    return turned
 
 
 def _product(turn: Array, quaternions: Array) -> Array:
@@ -86,7 +99,7 @@ def _stretched(gaussians: Gaussians, linear: Array) -> tuple[Array, Array]:
         part = slice(start, start + _CHUNK)
         own = gaussians.quaternions[part]
         edges = linear @ (rotation_matrices(own) * gaussians.scales[part].astype(np.float64)[:, None])
-        whole: Array = np.isfinite(edges).all(axis=(1, 2)) & np.isfinite(own).all(axis=1)
+        whole = np.asarray(np.isfinite(edges).all(axis=(1, 2)) & np.isfinite(own).all(axis=1))
         # A decomposition of what is not finite does not end well.
         axes, found, _ = np.linalg.svd(np.where(whole[:, None, None], edges, 0.0))
         axes[:, :, 2] *= np.sign(np.linalg.det(axes))[:, None]
