@@ -12,6 +12,7 @@ import click
 from gasp_core.cli.settings import Settings
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError
 from gasp_core.progress import duration
+from gasp_core.quantities import bytes_told, length_told
 
 if TYPE_CHECKING:
     from gasp_core.scene.model import Scene
@@ -71,10 +72,10 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
     rows = {
         "engine": f"{found.engine} on {found.device}, {found.precision}",
         "points": f"{found.points:,}, which carry {found.gaussians:,} Gaussians",
-        "grid": f"{found.cells} cells of {1e3 * found.spacing:.3g} mm along the largest object",
+        "grid": f"{found.cells} cells of {length_told(found.spacing)} along the largest object",
         "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us",
-        "memory": f"{found.memory / 1e6:,.0f} MB",
-        "disk": f"{found.disk / 1e6:,.3g} MB",
+        "memory": bytes_told(found.memory),
+        "disk": bytes_told(found.disk),
         "time": f"{duration(found.seconds)}: {duration(found.start_seconds)} to begin,"
         f" {duration(found.engine_seconds)} of substeps, {duration(found.frame_seconds)} for {found.frames:,}"
         f" frames{film}"
