@@ -11,7 +11,7 @@ import click
 
 from gasp_core.cli.settings import Settings
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError
-from gasp_core.progress import duration
+from gasp_core.progress import Shown, duration, progress_for
 from gasp_core.quantities import bytes_told, length_told
 
 if TYPE_CHECKING:
@@ -29,8 +29,13 @@ def estimated(
     trusted: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
+    *,
+    shown: Shown = "log",
 ) -> Estimate:
-    """Run the first moments of a scene, and film them as all of it is to be filmed, where nobody looks."""
+    """Run the first moments of a scene, and film them as all of it is to be filmed, where nobody looks.
+
+    `shown`: where it is told how long that takes.
+    """
     from gasp_core.processes.scratch import scratch_folder
     from gasp_core.rendering.live import LiveFilm
     from gasp_core.simulation.estimate import estimate_run, first_moments
@@ -41,7 +46,8 @@ def estimated(
         painted = [scratch / f"{number}-{path.name}" for number, path in enumerate(films) if path.suffix != ".png"]
         film = LiveFilm(folder, first_moments(scene), painted, width=size[0], height=size[1]) if painted else None
         try:
-            with film or nullcontext():
+            with progress_for(shown, 0) as progress, film or nullcontext():
+                progress.enter("trying its first moments")
                 return estimate_run(
                     scene,
                     folder,

@@ -77,7 +77,7 @@ def chosen_mode(placed: PlacedObject, known: TransferOperator | None) -> Choice:
         return Choice(mode=reduction.mode)
     moving = int(placed.moving.sum())
     if known is not None:
-        return Choice(mode=known.kind, why="as it was recorded")
+        return Choice(mode=known.kind, why="the recording has it")
     if moving <= FEW:
         return Choice(mode="all", why=f"{moving:,} Gaussians are few")
     solid = placed.solid()

@@ -62,9 +62,7 @@ def test_more_points_than_memory_holds_are_refused_before_one_is_made(monkeypatc
     size = SHAPES["cube"].size
     made = []
     monkeypatch.setattr(volume, "fill", lambda *args, **options: made.append(args))
-    with pytest.raises(
-        SceneError, match=r'^object "thing": at a grid spacing of .* points fill its .*: lower '
-    ):
+    with pytest.raises(SceneError, match=r'^object "thing": at a grid spacing of .* points fill its .*: lower '):
         assembled(splat, resolution=4096)
     assert not made
     # Eight points a cell: (2 * 24)^3 of them are 111 kB at a byte each, and 111 MB at a thousand.
