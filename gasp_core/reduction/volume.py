@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Shape
 from gasp_core.errors import SceneError
+from gasp_core.quantities import volume_told
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.clusters import scatter
 from gasp_core.reduction.cores import Matter, corners_of
-from gasp_core.reduction.lattice import PER_CELL, lattice_inside
+from gasp_core.reduction.lattice import PER_CELL, lattice_inside, refuse_too_many
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
@@ -122,8 +123,9 @@ def sample_volume(
     Raises
     ------
     SceneError
-        Where there is nothing to fill.
+        Where there is nothing to fill, or far more than memory holds.
     """
+    refuse_too_many(solid.volume, spacing / PER_CELL, name)
     filling = fill(solid, spacing, jittered=reduction.points == "jittered")
     positions, volumes = filling.positions, filling.volumes
     if region is not None:
@@ -274,7 +276,7 @@ def _notes(solid: PlacedSolid, filling: Filling, carrier: PointFrames, volume: f
     doubts = solid.solid.doubts
     thin = f", {filling.sheet:,} of them of thin matter" if filling.sheet else ""
     found = [
-        f"{len(carrier.points):,} points fill {1e3 * volume:.3g} l{thin} and carry {len(carrier.order):,} Gaussians"
+        f"{len(carrier.points):,} points fill {volume_told(volume)}{thin} and carry {len(carrier.order):,} Gaussians"
     ]
     off = doubts.volume_uncertainty / solid.solid.volume if solid.solid.volume else 0.0
     if off > _DOUBTFUL:

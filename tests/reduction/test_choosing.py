@@ -69,6 +69,7 @@ def test_a_run_that_is_gone_on_with_keeps_what_was_chosen():
     (before,) = assembled(thing(splat, reduction=Reduction(mode="all")), resolution=24).bodies
     (after,) = assembled(thing(splat), known={"thing": before.carrier}, resolution=24).bodies
     assert after.carrier.kind == "all"
+    assert 'reduction "all", because the recording has it: ' in after.notes[0]
 
 
 def test_a_run_that_is_gone_on_with_keeps_its_grid_whatever_its_points_have_become():

@@ -11,6 +11,7 @@ from splat_shells import SHAPES, discs, shell
 from gasp_core import Elastic, EngineAccuracy, Gaussians, Reduction, Scene, SplatObject
 from gasp_core.contract import BoxShape, HalfSpace
 from gasp_core.errors import SceneError
+from gasp_core.reduction import lattice, volume
 from gasp_core.reduction.assembly import assemble
 from gasp_core.reduction.bodies import moved_simplices
 from gasp_core.reduction.choosing import chosen_mode
@@ -54,6 +55,21 @@ def test_the_points_have_the_volume_of_the_solid_on_every_grid(name, jittered):
         assert found.volumes.sum() == pytest.approx(expected.volume, rel=0.005)
         centre = found.volumes @ found.positions / found.volumes.sum()
         assert np.abs(centre - expected.centre).max() < 0.002 * SHAPES[name].size
+
+
+def test_more_points_than_memory_holds_are_refused_before_one_is_made(monkeypatch):
+    splat = shell(SHAPES["cube"])
+    size = SHAPES["cube"].size
+    made = []
+    monkeypatch.setattr(volume, "fill", lambda *args, **options: made.append(args))
+    with pytest.raises(SceneError, match=r'^object "thing": at a grid spacing of .* points fill its .*: lower '):
+        assembled(splat, resolution=4096)
+    assert not made
+    # Eight points a cell: (2 * 24)^3 of them are 111 kB at a byte each, and 111 MB at a thousand.
+    monkeypatch.setattr(lattice, "available_memory", lambda: 100 * 1000 * 1000)
+    with pytest.raises(SceneError, match=rf"some 1[01]\d,\d{{3}} points fill its {size**3:.0f}.* 100 MB free"):
+        assembled(splat)
+    assert not made
 
 
 def test_there_are_eight_points_a_cell_and_they_are_inside():
