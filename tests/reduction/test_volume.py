@@ -402,3 +402,33 @@ def test_what_is_far_off_the_matter_is_not_swung_about_by_its_turns():
     # As far as the nearest matter goes, at the surface of the ball; what is thrice as far out would go farther.
     assert (way < 1.1 * np.sqrt(2) * np.linalg.norm(points, axis=1).max()).all()
     assert any("50 Gaussians far off its matter" in note for note in body.notes)
+
+
+def test_shreds_that_hang_about_a_body_have_no_points_of_their_own_and_leaves_beside_it_do():
+    """Crumbs of a sixtieth of a cell, of which the farthest stretched set the step of all; a leaf so thin is a leaf."""
+    splat = shell(SHAPES["cube"], count=8_000)
+    placed = place_object(item(splat), splat).solid()
+    spacing, thickness = 1 / 20, 0.01
+    places = np.stack(np.meshgrid(*2 * [np.arange(-0.4, 0.45, 0.1)], [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    above = [places + [0, 0, 1 + cells * spacing] for cells in (1.5, 2.5, 6.0)]
+    none = fill(dataclasses.replace(placed, solid=dataclasses.replace(placed.solid, sheets=Sheets.none())), spacing)
+
+    def filled(positions, area, thick):
+        sheets = Sheets(
+            positions=(positions - placed.translation) / placed.scale @ placed.rotation,
+            areas=np.full(len(positions), area),
+            thickness=thick,
+        )
+        found = fill(dataclasses.replace(placed, solid=dataclasses.replace(placed.solid, sheets=sheets)), spacing)
+        assert np.array_equal(found.positions[: len(none.positions)], none.positions)
+        return found
+
+    shreds = filled(np.concatenate(above), spacing**3 / 60 / thickness, thickness)
+    heights = shreds.positions[-shreds.sheet :, 2] - 1
+    # Four points each, and those about the others: a thickness off the middle at most.
+    assert shreds.sheet == 4 * len(places) and heights.min() > 6 * spacing - thickness
+    fine = np.stack(np.meshgrid(*2 * [np.arange(-0.4, 0.4, 0.01)], [1 + 2.5 * spacing], indexing="ij"), axis=-1)
+    leaf_beside = filled(fine.reshape(-1, 3), 0.01**2, thickness / 5)
+    # A whole piece of it has less than a crumb that counts for nothing. Its rim may be lost, of crumbs in truth.
+    assert (0.75 * spacing) ** 2 * thickness / 5 < spacing**3 / 32
+    assert leaf_beside.volumes[-leaf_beside.sheet :].sum() == pytest.approx(0.8**2 * thickness / 5, rel=0.05)
