@@ -13,8 +13,10 @@ NAMES := gasp-core gasp-reference-mpm gasp-mpm-host gasp-taichi-mpm gasp-warp-mp
 # Taichi's compiler, which takes most of its time, is told not to improve its own code in the second; the last judges
 # what users get.
 ORACLE := --oracle:reference-mpm
-QUICK := warp-mpm:$(ORACLE):-k:test_bodies 'warp-mpm:$(ORACLE):-k:\"not:test_bodies\"' reference-mpm:-k:core
-QUICK_THOROUGH := taichi-mpm:$(ORACLE):--precision:float64 $(QUICK)
+# In make test Warp is compared with the reference in one law alone; there too all are held against closed forms.
+BODIES := warp-mpm:$(ORACLE):-k:test_bodies
+QUICK := $(BODIES) 'warp-mpm:$(ORACLE):-k:\"not:test_bodies:and:not:(test_agreement:and:not:elastic)\"' reference-mpm:-k:core
+QUICK_THOROUGH := taichi-mpm:$(ORACLE):--precision:float64 $(BODIES) 'warp-mpm:$(ORACLE):-k:\"not:test_bodies\"' reference-mpm:-k:core
 QUICK_SLOW := reference-mpm warp-mpm:$(ORACLE):--precision:float64 taichi-mpm:$(ORACLE)
 # Status 3: nothing failed of what was chosen.
 JUDGE := tr : ' ' | xargs -P 2 -I{} sh -c 'found=$$($(BIN)/gasp-conformance {} --quick 2>&1); code=$$?; echo "$$found"; exit $$((code == 3 ? 0 : code))'

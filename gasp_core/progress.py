@@ -223,7 +223,10 @@ def duration(seconds: float) -> str:
     if seconds < 99.5:
         return f"{max(seconds, 0.1):.2g} s"
     minutes = seconds / 60
-    return f"{minutes:.2g} min" if minutes < 99.5 else f"{minutes / 60:.2g} h"
+    if minutes < 99.5:
+        return f"{minutes:.2g} min"
+    hours = minutes / 60
+    return f"{hours:.2g} h" if hours < 99.5 else f"{float(f'{hours / 24:.2g}'):,g} days"
 
 
 @contextmanager

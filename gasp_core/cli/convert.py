@@ -28,6 +28,7 @@ Examples:
   gasp convert scan.ply scan.spz      a tenth of the size, small losses
   gasp convert scan.ply scan.sog      for SuperSplat and PlayCanvas
   gasp convert robot/lod-meta.json robot.ply --level 2
+  gasp convert scene.glb scene.ply    splats in glTF (KHR_gaussian_splatting) or USD
   gasp convert duck.glb duck.ply --gaussians 100000     a mesh, as Gaussians on its faces
 """
 )

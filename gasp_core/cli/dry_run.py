@@ -11,7 +11,8 @@ import click
 
 from gasp_core.cli.settings import Settings
 from gasp_core.errors import EngineCrashedError, EngineDivergedError, GaspError
-from gasp_core.progress import duration
+from gasp_core.progress import Shown, duration, progress_for
+from gasp_core.quantities import bytes_told, length_told
 
 if TYPE_CHECKING:
     from gasp_core.scene.model import Scene
@@ -28,8 +29,13 @@ def estimated(
     trusted: bool,
     films: tuple[Path, ...],
     size: tuple[int, int],
+    *,
+    shown: Shown = "log",
 ) -> Estimate:
-    """Run the first moments of a scene, and film them as all of it is to be filmed, where nobody looks."""
+    """Run the first moments of a scene, and film them as all of it is to be filmed, where nobody looks.
+
+    `shown`: where it is told how long that takes.
+    """
     from gasp_core.processes.scratch import scratch_folder
     from gasp_core.rendering.live import LiveFilm
     from gasp_core.simulation.estimate import estimate_run, first_moments
@@ -40,7 +46,8 @@ def estimated(
         painted = [scratch / f"{number}-{path.name}" for number, path in enumerate(films) if path.suffix != ".png"]
         film = LiveFilm(folder, first_moments(scene), painted, width=size[0], height=size[1]) if painted else None
         try:
-            with film or nullcontext():
+            with progress_for(shown, 0) as progress, film or nullcontext():
+                progress.enter("trying its first moments")
                 return estimate_run(
                     scene,
                     folder,
@@ -71,10 +78,10 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
     rows = {
         "engine": f"{found.engine} on {found.device}, {found.precision}",
         "points": f"{found.points:,}, which carry {found.gaussians:,} Gaussians",
-        "grid": f"{found.cells} cells of {1e3 * found.spacing:.3g} mm along the largest object",
+        "grid": f"{found.cells} cells of {length_told(found.spacing)} along the largest object",
         "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us",
-        "memory": f"{found.memory / 1e6:,.0f} MB",
-        "disk": f"{found.disk / 1e6:,.3g} MB",
+        "memory": bytes_told(found.memory),
+        "disk": bytes_told(found.disk),
         "time": f"{duration(found.seconds)}: {duration(found.start_seconds)} to begin,"
         f" {duration(found.engine_seconds)} of substeps, {duration(found.frame_seconds)} for {found.frames:,}"
         f" frames{film}"

@@ -35,7 +35,8 @@ Examples:
   gasp inspect statue.sog --solid --height 0.4     # the body inside, and slices of it
 
 \b
-Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or streamed).
+Formats: .ply (also compressed and flat), .splat, .spz, .sog (zip, folder, or streamed), .glb (glTF with
+KHR_gaussian_splatting), .usdc, .usda, .usd and .usdz (USD's ParticleField3DGaussianSplat; takes usd-core).
 """
 )
 @click.argument("file", type=PathHere())

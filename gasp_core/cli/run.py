@@ -159,7 +159,8 @@ def run(
         films, size = films or (Path(scene.stem + ".preview.mp4"),), _PREVIEW_SIZE
     trusted = code_is_trusted(loaded, trust_code)
     if dry_run:
-        found = estimated(loaded, engine, settings, isolate, trusted, films, size)
+        shown = False if as_json or quiet else "log"
+        found = estimated(loaded, engine, settings, isolate, trusted, films, size, shown=shown)
         if as_json:
             print_json({**dataclasses.asdict(found), "seconds": found.seconds})
         else:

@@ -12,6 +12,7 @@ from gasp_core.cli.moved_frames import frame_options, paths_of_frames, write_fra
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
+from gasp_core.errors import SplatFormatError
 
 __all__ = ["soup"]
 
@@ -71,6 +72,8 @@ def export_soup(splat: Path, out: Path | None, vertices: str, shortest_edge: flo
     from gasp_core.scene.placement import upright
 
     path = out if out is not None else Path(f"{splat.stem}.soup.ply")
+    if path.suffix.lower() != ".ply":
+        raise SplatFormatError(f"{path}: a soup is a .ply: name it so; other programs read it as a mesh")
     keep_what_is_there([path], overwrite)
     wanted: dict[str, Literal[3, 4, "auto"]] = {"auto": "auto", "3": 3, "4": 4}
     gaussians = read_splat(splat)

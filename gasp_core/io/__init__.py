@@ -22,11 +22,12 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0)
     INRIA ``.ply`` (binary or text, spherical harmonics of degree 0-4, properties in any order and of any numeric
     type), compressed ``.ply`` of PlayCanvas (old and new chunks), ``.splat``, ``.spz`` (versions 1-4) and SOG
     (versions 1 and 2; a ``.sog``, its folder or its ``meta.json``; a streamed one, its folder or its
-    ``lod-meta.json``). Content decides before the suffix does.
+    ``lod-meta.json``), ``.glb`` (glTF with KHR_gaussian_splatting) and ``.usdc``, ``.usda``, ``.usd`` or ``.usdz``
+    (USD's ParticleField3DGaussianSplat; takes usd-core). Content decides before the suffix does.
 
-    The result is in the ordinary 3DGS frame of the file (a ``.spz``, stored right-up-back, reads as the ``.ply`` it
-    came from); up axis and units are the scene's business. Rows are kept as they are, non-finite ones too, and
-    quaternions are not normalised.
+    The result is in the ordinary 3DGS frame of the file (a ``.spz`` or ``.glb``, stored right-up-back, reads as the
+    ``.ply`` it came from; a stage of USD, in metres, from the axis that it says is up); up axis and units are the
+    scene's business. Rows are kept as they are, non-finite ones too, and quaternions are not normalised.
 
     Parameters
     ----------
@@ -43,7 +44,8 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0)
     Returns
     -------
     Gaussians
-        float32; means are float64 where a ``.ply`` stores them as double.
+        float32; means are float64 where a ``.ply`` stores them as double, and where nodes of a ``.glb`` or transforms
+        of USD move them.
 
     Raises
     ------
@@ -58,8 +60,8 @@ def read_splat(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0)
 
 def write_splat(path: str | PathLike[str], gaussians: Gaussians) -> None:
     """Write a splat file; the suffix says which format: ``.ply`` (INRIA, float32), ``.splat``, ``.spz``,
-    ``.sog`` (version 2), and two that are not read here: ``.glb`` (glTF with KHR_gaussian_splatting) and ``.usdc``,
-    ``.usda`` or ``.usd`` (USD's ParticleField3DGaussianSplat; takes usd-core).
+    ``.sog`` (version 2), ``.glb`` (glTF with KHR_gaussian_splatting) and ``.usdc``, ``.usda`` or ``.usd`` (USD's
+    ParticleField3DGaussianSplat; takes usd-core).
 
     The file appears whole or not at all. What a format cannot hold is dropped as
     :func:`gasp_core.io.convert.losses` tells.

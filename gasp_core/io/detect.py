@@ -15,7 +15,10 @@ from gasp_core.io.memory_limit import refuse_unread
 
 __all__ = ["INDICES", "READ", "WRITTEN", "read", "whole", "write"]
 
-READ = (".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json or lod-meta.json")
+READ = (
+    *(".ply", ".compressed.ply", ".splat", ".spz", ".sog", "a folder with meta.json or lod-meta.json"),
+    *(".glb", ".usdc, .usda, .usd or .usdz"),
+)
 WRITTEN = (".ply", ".splat", ".spz", ".sog", ".glb", ".usdc")
 
 INDICES = ("meta.json", "lod-meta.json")
@@ -26,6 +29,8 @@ _TRAINING = (
     "name the point_cloud.ply of an iteration in it; what D-MiSo has trained to move"
     ' wants motion = { kind = "d-miso" } in a scene'
 )
+_HEAD = 128
+"""Bytes that tell a stage of USD, which USD reads itself."""
 _LFS = b"version https://git-lfs"
 _ANNEX = b"/annex/objects/"
 
@@ -58,9 +63,11 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> tu
 
 
 def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
+    from gasp_core.io.gltf import GLB_MAGIC
     from gasp_core.io.sog import ZIP_MAGIC, read_sog_folder, read_sog_zip
     from gasp_core.io.sog_levels import is_set_of_levels, read_level
     from gasp_core.io.spz import GZIP_MAGIC, SPZ_MAGIC, read_spz
+    from gasp_core.io.usd import READ_SUFFIXES, is_usd
 
     found = path.stat()
     if is_set_of_levels(path):
@@ -85,6 +92,12 @@ def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
         return gaussians, f"sog v{version} folder"
 
     refuse_unread(path, found.st_size)
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    if is_usd(head):
+        from gasp_core.io.usd_reading import read_usd
+
+        return read_usd(path, found.st_size)
     data = path.read_bytes()
     if not data:
         raise malformed(path, "is empty", "fetch or export it again")
@@ -97,15 +110,21 @@ def _read(path: Path, flat_axis: int, level: int) -> tuple[Gaussians, str]:
     if data.startswith(ZIP_MAGIC):
         gaussians, version = read_sog_zip(data, path)
         return gaussians, f"sog v{version}"
+    if data.startswith(GLB_MAGIC):
+        from gasp_core.io.glb_reading import read_glb
+
+        return read_glb(data, path)
     if data.startswith((GZIP_MAGIC, SPZ_MAGIC)):
         return read_spz(data, path), "spz"
     if path.suffix.lower() == ".splat":
         from gasp_core.io.dot_splat import read_dot_splat
 
         return read_dot_splat(data, path), "splat"
-    if path.suffix.lower() in (".obj", ".glb", ".stl"):
+    if path.suffix.lower() in (".obj", ".stl"):
         raise malformed(path, "is no splat", "of a mesh `gasp convert` makes one")
-    if path.suffix.lower() in (".ply", ".spz", ".sog"):
+    if path.suffix.lower() == ".gltf":
+        raise malformed(path, "is glTF as text, whose numbers lie beside it", "export it as one .glb")
+    if path.suffix.lower() in (".ply", ".spz", ".sog", ".glb", *READ_SUFFIXES):
         raise malformed(path, f"does not begin as a {path.suffix.lower()} does")
     raise malformed(
         path, f"is of no known kind ({quoted(path.suffix or 'no suffix')})", f"splats are read from {', '.join(READ)}"

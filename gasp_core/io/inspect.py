@@ -32,7 +32,8 @@ class SplatSummary:
     path
         The file.
     format
-        ``ply``, ``compressed ply``, ``splat``, ``spz``, ``sog v1``, ``sog v2``, with ``folder`` for an unzipped one.
+        ``ply``, ``compressed ply``, ``splat``, ``spz``, ``sog v1``, ``sog v2``, with ``folder`` for an unzipped one,
+        ``glb``, ``usd``, with what is odd about these behind a comma.
     count
         Gaussians, odd ones too.
     sh_degree

@@ -18,6 +18,7 @@ __all__ = [
     "memory_limit",
     "memory_of",
     "most_gaussians",
+    "most_memory",
     "refuse_too_large",
     "refuse_unread",
 ]
@@ -77,6 +78,18 @@ def may_take(held: int) -> int:
     return max(_HARMLESS, _STEEPEST * held)
 
 
+def most_memory(path: str | PathLike[str], held: int) -> int:
+    """Bytes of memory, at most, that so many bytes can honestly mean, and that the machine has room for.
+
+    Raises
+    ------
+    SplatFormatError
+        Where what the environment allows is no number.
+    """
+    allowed = _allowed(path)
+    return min(may_take(held), max(_HARMLESS, available_memory())) if allowed is None else allowed
+
+
 def most_gaussians(path: str | PathLike[str], held: int) -> int:
     """Gaussians, at most, that so many bytes can honestly mean, and that the machine has room for.
 
@@ -85,10 +98,7 @@ def most_gaussians(path: str | PathLike[str], held: int) -> int:
     SplatFormatError
         Where what the environment allows is no number.
     """
-    allowed = _allowed(path)
-    if allowed is None:
-        allowed = min(may_take(held), max(_HARMLESS, available_memory()))
-    return allowed // memory_of(1, 0)
+    return most_memory(path, held) // memory_of(1, 0)
 
 
 def refuse_too_large(path: str | PathLike[str], held: int, count: int, bases: int) -> None:

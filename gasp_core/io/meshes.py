@@ -14,14 +14,23 @@ from numpy.typing import NDArray
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.format_errors import shown
 
-__all__ = ["MESH_SUFFIXES", "TriangleMesh", "face_areas", "from_scene", "no_triangles", "read_mesh", "whole_faces"]
+__all__ = [
+    "MESH_SUFFIXES",
+    "TriangleMesh",
+    "face_areas",
+    "from_scene",
+    "is_splat_in_gltf",
+    "no_triangles",
+    "read_mesh",
+    "whole_faces",
+]
 
 Array = NDArray[Any]
 Read = TypeVar("Read")
 
 MESH_SUFFIXES = (".obj", ".glb", ".stl", ".ply")
 _LONGEST = 1 << 30
-_SPLAT_IN_GLTF = b"KHR_gaussian_splatting"
+_SPLAT_IN_GLTF = (b'"KHR_gaussian_splatting"', b'"KHR_spz_gaussian_splats_compression"')
 _LOOKED_AT = 1 << 20
 """Bytes: what a .glb says of itself comes first."""
 _MOST_FACES = 20_000_000
@@ -142,13 +151,20 @@ def whole_faces(vertices: Array, faces: Array, path: Path) -> Array:
 
 def no_triangles(path: Path) -> SplatFormatError:
     """The error of a file that holds none."""
+    why = ", but a splat: name it where a splat belongs" if is_splat_in_gltf(path) else ""
+    return SplatFormatError(f"{shown(path)}: has no triangle with an area{why}")
+
+
+def is_splat_in_gltf(path: Path) -> bool:
+    """Whether a file is a .glb that says of itself, within its first megabyte, that it holds Gaussians."""
+    if path.suffix.lower() != ".glb":
+        return False
     try:
         with path.open("rb") as stream:
-            splat = _SPLAT_IN_GLTF in stream.read(_LOOKED_AT)
+            head = stream.read(_LOOKED_AT)
     except OSError:
-        splat = False
-    why = ", but a splat, and those in glTF are written only: take the file that it was made of" if splat else ""
-    return SplatFormatError(f"{shown(path)}: has no triangle with an area{why}")
+        return False
+    return any(name in head for name in _SPLAT_IN_GLTF)
 
 
 def face_areas(vertices: Array, faces: Array) -> Array:

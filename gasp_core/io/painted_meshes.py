@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.io.meshes import MESH_SUFFIXES, face_areas, from_scene, no_triangles, whole_faces
+from gasp_core.io.meshes import (
+    MESH_SUFFIXES,
+    face_areas,
+    from_scene,
+    is_splat_in_gltf,
+    no_triangles,
+    whole_faces,
+)
 
 __all__ = ["PaintedMesh", "is_mesh", "read_painted_mesh"]
 
@@ -88,10 +95,10 @@ class PaintedMesh:
 
 
 def is_mesh(path: Path) -> bool:
-    """Whether a file is one that `read_painted_mesh` reads, and no splat; of a .ply its header says so."""
+    """Whether a file is one that `read_painted_mesh` reads, and no splat; of a .ply or .glb its header says so."""
     suffix = path.suffix.lower()
     if suffix != ".ply":
-        return suffix in MESH_SUFFIXES
+        return suffix in MESH_SUFFIXES and not is_splat_in_gltf(path)
     try:
         with path.open("rb") as stream:
             head = stream.read(1 << 16).partition(b"end_header")[0]

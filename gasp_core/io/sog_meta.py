@@ -76,7 +76,10 @@ class Meta:
 
     def wrong(self, name: str, wanted: str) -> Exception:
         """What to raise where an entry is not what belongs there."""
-        found = quoted(json.dumps(self.entries[name])) if name in self.entries else "nothing"
+        try:
+            found = quoted(json.dumps(self.entries[name])) if name in self.entries else "nothing"
+        except RecursionError:
+            found = "brackets in brackets"
         return malformed(self._path, f"{self._file} has {found} for {self._where}{name}, where {wanted} belongs")
 
     def inner(self, name: str) -> Meta:

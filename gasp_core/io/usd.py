@@ -1,4 +1,4 @@
-"""USD: Gaussians as ParticleField3DGaussianSplat, still or with a sample a frame.
+"""Writing USD: Gaussians as ParticleField3DGaussianSplat, still or with a sample a frame.
 
 The schema came with USD 26.3. Scales are linear, harmonics are ordered as everywhere here, a unit is a metre.
 """
@@ -20,18 +20,30 @@ from gasp_core.io.format_errors import malformed
 from gasp_core.io.rotations import unit_quaternions
 from gasp_core.io.spz import turned
 
-__all__ = ["USD_SUFFIXES", "SplatStage", "splat_stage", "write_usd"]
+__all__ = ["READ_SUFFIXES", "USD_SUFFIXES", "SplatStage", "is_usd", "splat_stage", "write_usd"]
 
 Array = NDArray[Any]
 
 USD_SUFFIXES = (".usdc", ".usda", ".usd")
 """Packed, as text, and packed again."""
+READ_SUFFIXES = (*USD_SUFFIXES, ".usdz")
+"""What is read: the last is a zip of one of these."""
 
 _ROOT = "/splats"
+_MAGICS = (b"PXR-USDC", b"#usda 1.")
+_ZIP, _NAME_OF_FIRST = b"PK\x03\x04", 30
 _SAVED_EVERY = 50
 """Frames: what is saved is no longer held in memory."""
 _REACH = 3.0
 """Standard deviations that a Gaussian is taken to reach, as the schema has it."""
+
+
+def is_usd(head: bytes) -> bool:
+    """Whether a file is a stage, by its first hundred bytes: text, packed, or a zip whose first file is one."""
+    if head.startswith(_ZIP):
+        length = int.from_bytes(head[26:28], "little")
+        return head[_NAME_OF_FIRST : _NAME_OF_FIRST + length].lower().endswith((b".usdc", b".usda", b".usd"))
+    return head.startswith(_MAGICS)
 
 
 def write_usd(path: Path, gaussians: Gaussians) -> None:

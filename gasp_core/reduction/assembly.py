@@ -13,6 +13,7 @@ from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, Poin
 from gasp_core.dynamics.composition import Played, PrescribedMotion
 from gasp_core.dynamics.mesh_at_start import mesh_at_start
 from gasp_core.errors import SceneError
+from gasp_core.quantities import length_told
 from gasp_core.reduction.all_vertices import Block, block_of, rigid_velocities, sample_all
 from gasp_core.reduction.attached import Attached
 from gasp_core.reduction.bodies import Body
@@ -281,7 +282,7 @@ def _accuracy(
     sizes = [size or float(np.ptp(block.rest.reshape(-1, 3), axis=0).max()) for size, block in zip(sizes, blocks)]
     accuracy, notes = scene.accuracy, ()
     if accuracy.spacing is None and accuracy.resolution == "auto" and known is not None:
-        accuracy, notes = replace(accuracy, spacing=known), (f"cells of {1e3 * known:.3g} mm, as it was recorded",)
+        accuracy, notes = replace(accuracy, spacing=known), (f"cells of {length_told(known)}, as it was recorded",)
     elif accuracy.spacing is None and accuracy.resolution == "auto":
         modes = {placed.item.name: choice.mode for placed, choice in zip(objects, choices)}
         resolution, why = chosen_resolution(objects, modes)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import Fluid, Material, Sand, Snow
 from gasp_core.dynamics.mesh_at_start import mesh_at_start
 from gasp_core.games import magnify
+from gasp_core.quantities import volume_told
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.cores import CORNERS_A_CELL
 from gasp_core.reduction.occupancy import occupied_cells
@@ -76,7 +77,7 @@ def chosen_mode(placed: PlacedObject, known: TransferOperator | None) -> Choice:
         return Choice(mode=reduction.mode)
     moving = int(placed.moving.sum())
     if known is not None:
-        return Choice(mode=known.kind, why="as it was recorded")
+        return Choice(mode=known.kind, why="the recording has it")
     if moving <= FEW:
         return Choice(mode="all", why=f"{moving:,} Gaussians are few")
     solid = placed.solid()
@@ -86,7 +87,7 @@ def chosen_mode(placed: PlacedObject, known: TransferOperator | None) -> Choice:
         return Choice(mode="all", why="its Gaussians are too faint or too few to be the surface of a body")
     if inside < _THIN * (inside + thin):
         return Choice(mode="cores", why="its Gaussians are thin matter and enclose next to nothing")
-    return Choice(mode="volume", why=f"its Gaussians are the surface of {1e3 * solid.volume:.3g} l")
+    return Choice(mode="volume", why=f"its Gaussians are the surface of {volume_told(solid.volume)}")
 
 
 def reduction_of(placed: PlacedObject, choice: Choice, block: Block, floor: float, spacing: float) -> Reduction:

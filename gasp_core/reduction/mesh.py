@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
 from gasp_core.io.mesh_splats import face_frames, face_of_each, in_face_frames
+from gasp_core.quantities import volume_told
 from gasp_core.reduction.affine_fits import affine_fits
 from gasp_core.reduction.all_vertices import Block
-from gasp_core.reduction.lattice import PER_CELL, lattice_inside
+from gasp_core.reduction.lattice import PER_CELL, lattice_inside, refuse_too_many
 from gasp_core.reduction.occupancy import cell_volumes
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.placed_mesh import PlacedMesh
@@ -185,6 +186,7 @@ def _inside(mesh: PlacedMesh, name: str, spacing: float) -> tuple[Array, Array]:
     step = spacing / PER_CELL
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cells = int(np.clip(np.ceil((upper - lower).max() / step), _FEWEST_CELLS, _MOST_CELLS))
+    refuse_too_many(mesh.volume, step, name)
     field = field_of_mesh(mesh.vertices, mesh.faces, cells, name=f'object "{name}", its mesh')
     points, shares = lattice_inside(field.signed_distance, lower - step, upper + step, step)
     return points, shares * step**3
@@ -210,7 +212,7 @@ def _notes(mesh: PlacedMesh, carrier: OnFaces, volume: float, spacing: float, of
     count, inside = len(mesh.vertices), len(carrier.points) - len(mesh.vertices)
     body = f" and {inside:,} points inside" if inside else ""
     found = [
-        f"{count:,} vertices of its mesh{body}, {1e3 * volume:.3g} l, carry {len(carrier.corners):,} Gaussians on"
+        f"{count:,} vertices of its mesh{body}, {volume_told(volume)}, carry {len(carrier.corners):,} Gaussians on"
         f" {len(mesh.faces):,} faces"
     ]
     if not inside and mesh.open_edges:

@@ -248,10 +248,12 @@ def _connected(
     itself = nearest == own
     itself[~itself.any(axis=1), -1] = True
     distances, nearest = (found[~itself].reshape(len(points), count) for found in (distances, nearest))
-    connected = distances <= _CONNECTED * spacing
+    connected, had = distances <= _CONNECTED * spacing, np.zeros(len(points), dtype=int)
     for column in range(count):
-        rows = np.flatnonzero(connected[:, column])
+        # Whoever has enough of them is asked no more.
+        rows = np.flatnonzero(connected[:, column] & (had < NEIGHBOURS))
         connected[rows, column] = ~open_between(rows, nearest[rows, column])
+        had[rows] += connected[rows, column]
     chosen = np.argsort(~connected, axis=1, kind="stable")[:, :NEIGHBOURS]
     found = np.where(np.take_along_axis(connected, chosen, axis=1), np.take_along_axis(nearest, chosen, axis=1), own)
     return found.astype(np.int32)

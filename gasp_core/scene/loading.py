@@ -39,7 +39,7 @@ from gasp_core.solid.options import SolidOptions
 __all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
-_SPLATS = (".ply", ".splat", ".spz", ".sog")
+_SPLATS = (".ply", ".splat", ".spz", ".sog", ".glb", ".usdc", ".usda", ".usd", ".usdz")
 _LONGEST_SCENE = 1 << 20
 _DEEPEST = 64
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")

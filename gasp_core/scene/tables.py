@@ -7,7 +7,7 @@ import difflib
 import re
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import Enum
 from typing import Any, NoReturn, TypeVar, cast
 
@@ -131,7 +131,7 @@ class Table:
             self.required(key, f"one of {', '.join(allowed)}")
         name = self.values.get(key, default)
         if not isinstance(name, str) or name not in allowed:
-            close = difflib.get_close_matches(name, allowed, n=1) if isinstance(name, str) else []
+            close = _meant(name, allowed) if isinstance(name, str) else []
             hint = f', did you mean "{close[0]}"?' if close else ""
             self.fail(key, f"must be one of {', '.join(allowed)}, found {kind_of(name)}{hint}")
         return allowed[name]
@@ -215,6 +215,12 @@ class StoredTable(Table):
     def only(self, *known: str) -> None:
         """Pass over keys that are not among `known`."""
         self.forgotten += [f"{self.path}.{key}" if self.path else key for key in self.values if key not in known]
+
+
+def _meant(name: str, allowed: Collection[str]) -> list[str]:
+    """Which of them a name that is none was to be, if any: an axis without a sign is the positive one."""
+    signed = f"+{name}"
+    return [signed] if signed in allowed else difflib.get_close_matches(name, allowed, n=1)
 
 
 def _number(table: Table, key: str, value: Any) -> float:

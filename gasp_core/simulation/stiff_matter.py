@@ -22,6 +22,7 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.capabilities import needs, unmet
 from gasp_core.errors import SceneError, UnsupportedSceneError
+from gasp_core.quantities import length_told
 from gasp_core.scene.presets import find_preset
 from gasp_core.simulation.deflection import UNSEEN, Load, load_of, meeting_speed, softened
 
@@ -81,8 +82,8 @@ def refuse_too_stiff(
     bodies = _bodies_of(problem, worst)
     installed = [other for other in others if other.name != descriptor.name]
     too_many = (
-        f"{descriptor.name} would need {needed:,} substeps of {frame_step / needed:.3g} s for each frame, and"
-        f" substep_limit under [accuracy] is {accuracy.substep_limit:,}: "
+        f"{descriptor.name} would need {needed:,} substeps of {frame_step / needed:.3g} s for each frame on cells of"
+        f" {length_told(spacing)}, and substep_limit under [accuracy] is {accuracy.substep_limit:,}: "
     )
     undamped = substeps(dataclasses.replace(material, stiffness_damping=0.0)) if _is_damped(material) else needed
     if undamped <= accuracy.substep_limit:

@@ -15,6 +15,8 @@ CUT = 3.0
 """Standard deviations to which a Gaussian reaches."""
 DARK = 1e3
 """Optical depth of the ground."""
+PAD = 2
+"""Nodes around a grid that light comes through, as far as a step goes."""
 
 
 @_function
@@ -58,31 +60,68 @@ def inverses_of(covariances, width, scale, out):
 
 
 @_function
-def depth_towards(depth, step, between, ground, out):
+def depth_towards(depth, step, between, out):
     """Optical depth between each node and the sky along `step` (3,), in nodes; a node's own depth does not count.
 
-    `between` (B, 3) are the nodes that a step of two passes, which count by their mean. `ground`: below the lowest
-    layer there is no sky.
+    Both are padded by `PAD` nodes on every side, `depth` with zeros, `out` with what light has passed that comes from
+    there. `between` are the nodes (B, 3) that a step of two passes, none, two or four, which count by their mean.
     """
-    nx, ny, nz = depth.shape
+    nx, ny, nz = depth.shape[0] - 2 * PAD, depth.shape[1] - 2 * PAD, depth.shape[2] - 2 * PAD
     a, b, c = step[0], step[1], step[2]
     for p in range(nx):
-        i = nx - 1 - p if a > 0 else p
+        i = PAD + (nx - 1 - p if a > 0 else p)
         for q in range(ny):
-            j = ny - 1 - q if b > 0 else q
-            for r in range(nz):
-                k = nz - 1 - r if c > 0 else r
-                total = 0.0
-                for s in range(len(between)):
-                    u, v, w = i + between[s, 0], j + between[s, 1], k + between[s, 2]
-                    if 0 <= u < nx and 0 <= v < ny and 0 <= w < nz:
-                        total += depth[u, v, w] / len(between)
-                u, v, w = i + a, j + b, k + c
-                if 0 <= u < nx and 0 <= v < ny and 0 <= w < nz:
-                    total += out[u, v, w] + depth[u, v, w]
-                elif ground and w < 0:
-                    total = DARK
-                out[i, j, k] = total
+            j = PAD + (ny - 1 - q if b > 0 else q)
+            if a == 0 and b == 0:
+                for r in range(nz):
+                    k = PAD + (nz - 1 - r if c > 0 else r)
+                    out[i, j, k] = out[i, j, k + c] + depth[i, j, k + c]
+                continue
+            # Rows beside each other, of which none waits for another of the same row: many nodes at once.
+            row, first = out[i, j, PAD : PAD + nz], PAD + c
+            above, passed = out[i + a, j + b, first : first + nz], depth[i + a, j + b, first : first + nz]
+            if len(between) == 0:
+                for k in range(nz):
+                    row[k] = above[k] + passed[k]
+            elif len(between) == 2:
+                one, two = _beside(depth, i, j, between[0], nz), _beside(depth, i, j, between[1], nz)
+                for k in range(nz):
+                    row[k] = 0.5 * one[k] + 0.5 * two[k] + (above[k] + passed[k])
+            else:
+                one, two = _beside(depth, i, j, between[0], nz), _beside(depth, i, j, between[1], nz)
+                three, four = _beside(depth, i, j, between[2], nz), _beside(depth, i, j, between[3], nz)
+                for k in range(nz):
+                    mean = 0.25 * one[k] + 0.25 * two[k] + 0.25 * three[k] + 0.25 * four[k]
+                    row[k] = mean + (above[k] + passed[k])
+
+
+@numba.njit(inline="always")
+def _beside(field, i, j, off, count):
+    first = PAD + off[2]
+    return field[i + off[0], j + off[1], first : first + count]
+
+
+@_function
+def add_light(there, back, direction, share, lines, flow):
+    """Add what comes along `direction` (3,), and what comes the other way, to the sums of `light.Light`.
+
+    `there` and `back` are padded by `PAD` nodes on every side; the sums are not.
+    """
+    nx, ny, nz = share.shape
+    x, y, z = direction[0], direction[1], direction[2]
+    for i in range(nx):
+        for j in range(ny):
+            ahead, behind = there[PAD + i, PAD + j, PAD : PAD + nz], back[PAD + i, PAD + j, PAD : PAD + nz]
+            shares, free = share[i, j], lines[i, j]
+            along_x, along_y, along_z = flow[0, i, j], flow[1, i, j], flow[2, i, j]
+            for k in range(nz):
+                one, other = ahead[k], behind[k]
+                shares[k] += one + other
+                free[k] += one * other
+                more = one - other
+                along_x[k] += x * more
+                along_y[k] += y * more
+                along_z[k] += z * more
 
 
 @_function

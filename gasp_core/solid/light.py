@@ -60,23 +60,25 @@ def light_through(depth: Array, ground: bool) -> Light:
 
     `ground`: none comes from below the lowest layer.
     """
-    depth = np.ascontiguousarray(depth, dtype=np.float32)
+    padded = np.pad(depth.astype(np.float32), kernels.PAD)
     share, lines = np.zeros(depth.shape), np.zeros(depth.shape)
     flow = np.zeros((3, *depth.shape))
-    there, back = np.empty_like(depth), np.empty_like(depth)
+    there, back = _sky(padded, ground), _sky(padded, ground)
     for step in _STEPS:
         opposite = (-step[0], -step[1], -step[2])
         for way, out in ((step, there), (opposite, back)):
-            kernels.depth_towards(depth, np.array(way), _half_way(way), ground, out)
-        first, second = np.exp(-there), np.exp(-back)
-        share += first + second
-        lines += first * second
-        difference = first - second
-        for axis, component in enumerate(np.array(step) / np.linalg.norm(step)):
-            if component:
-                flow[axis] += component * difference
+            kernels.depth_towards(padded, np.array(way), _half_way(way), out)
+        kernels.add_light(np.exp(-there), np.exp(-back), np.array(step) / np.linalg.norm(step), share, lines, flow)
     count = len(_STEPS)
     return Light(share=share / (2 * count), lines=lines / count, flow=flow / (2 * count))
+
+
+def _sky(padded: Array, ground: bool) -> Array:
+    """What light has passed before it comes into a padded grid: nothing, and all of the ground from below."""
+    passed = np.zeros_like(padded)
+    if ground:
+        passed[:, :, : kernels.PAD] = kernels.DARK
+    return passed
 
 
 def _half_way(step: tuple[int, ...]) -> Array:

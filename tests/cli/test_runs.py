@@ -14,6 +14,7 @@ from flown_water import flown_water
 
 from gasp_core import MovingSplat, Recording, read_splat
 from gasp_core.errors import SplatFormatError
+from gasp_core.progress import _Lines
 from gasp_core.recording.drawn import DrawnFrames
 from gasp_core.rendering.footage import open_footage
 
@@ -272,6 +273,13 @@ def test_a_dry_run_tells_what_it_would_take_and_keeps_nothing(gasp, workplace):
     assert (told["cells"], told["frames"], told["gaussians"]) == (12, 3, 64)
     assert told["seconds"] > 0
     assert set(workplace.rglob("*")) == before
+
+
+def test_a_dry_run_says_how_long_it_has_been_trying(gasp, workplace, monkeypatch):
+    monkeypatch.setattr(_Lines, "pause", 0.01)
+    assert "trying its first moments: " in gasp("run", "scene.toml", "--dry-run").err
+    for quiet in ("--json", "--quiet"):
+        assert "trying" not in gasp("run", "scene.toml", "--dry-run", quiet).err
 
 
 def test_a_dry_run_is_about_the_whole_run(gasp, workplace):

@@ -23,6 +23,12 @@ def test_there_and_back(splat, capsys):
     assert np.array_equal(read_splat("toy_moved.ply").means, read_splat("toy.ply").means)
 
 
+def test_a_soup_under_the_name_of_another_format_is_refused(splat, capsys):
+    assert main(["soup", "export", "toy.ply", "-o", "soup.obj"]) == 2
+    assert capsys.readouterr().err.startswith("gasp: soup.obj: a soup is a .ply")
+    assert names(splat) == ["toy.ply"]
+
+
 def test_frames_of_a_script(splat, capsys):
     assert main(["soup", "export", "toy.ply", "--vertices", "3", "-o", "a.ply"]) == 0
     vertices = 3 * 64

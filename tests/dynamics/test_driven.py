@@ -108,7 +108,7 @@ def record(tmp_path, scene_of):
 
 
 @every_mode
-@pytest.mark.parametrize("vertices", [3, 4])
+@pytest.mark.parametrize("vertices", [pytest.param(3, marks=pytest.mark.thorough), 4])
 def test_driven_gaussians_are_where_psi_has_them(record, cloud, reduction, vertices):
     """To the rounding of float32, however the points that stand for them are reduced; the others are physics."""
     splat = splat_for(reduction, cloud)

@@ -99,6 +99,8 @@ def splat_seeds() -> list[Seed]:
         plain("new.compressed.ply", splat_files.compressed_ply(300, 0)),
         plain("a.splat", rows.tobytes()),
         plain("v4.spz", splat_files.spz(4, 20, 1)[0]),
+        Seed(name="cloud.glb", parts=_parts_of_glb(splat_files.cloud_glb(20, 1)), pack=_glb),
+        Seed(name="packed.glb", parts=_parts_of_glb(splat_files.spz_glb(splat_files.spz(3, 20, 1)[0])), pack=_glb),
     ]
     for version in (1, 2, 3):
         inside = zlib.decompress(splat_files.spz(version, 20, 2)[0], wbits=31)
@@ -110,6 +112,31 @@ def splat_seeds() -> list[Seed]:
 
 def _gzipped(parts: Parts) -> bytes:
     return gzip.compress(parts["inside"], mtime=0)
+
+
+def _parts_of_glb(content: bytes) -> Parts:
+    length = int.from_bytes(content[12:16], "little")
+    return {"json": content[20 : 20 + length], "numbers": content[28 + length :]}
+
+
+def _glb(parts: Parts) -> bytes:
+    return splat_files.glb(parts["json"], parts["numbers"])
+
+
+def stage_seeds() -> list[Seed]:
+    """A stage of the toy, packed, as text and in a zip."""
+    import tempfile
+
+    from gasp_core.io import write_splat
+    from gasp_core.toy import make_toy
+
+    seeds: list[Seed] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix in (".usdc", ".usda"):
+            write_splat(Path(folder) / f"a{suffix}", make_toy(16))
+            seeds.append(plain(f"a{suffix}", (Path(folder) / f"a{suffix}").read_bytes()))
+    packed = Seed(name="a.usdz", parts=seeds[0].parts, pack=_stored)
+    return [*seeds, packed]
 
 
 def read_splat(path: Path) -> None:
@@ -332,6 +359,7 @@ def read_soup(path: Path) -> None:
 
 TARGETS: dict[str, Target] = {
     "splats": Target(seeds=splat_seeds, read=read_splat),
+    "stages": Target(seeds=stage_seeds, read=read_splat),
     "scenes": Target(seeds=scene_seeds, read=read_scene, prepare=beside_scenes),
     "columns": Target(seeds=column_seeds, read=read_column),
     "cameras": Target(seeds=camera_seeds, read=read_cameras),

@@ -20,6 +20,8 @@ def harness(*arguments):
     ("target", "count"),
     [
         ("splats", 500),
+        # A process for each.
+        ("stages", 60),
         ("scenes", 500),
         ("columns", 500),
         ("cameras", 500),

@@ -52,6 +52,8 @@ CASES = {
     "empty splat": ("a.splat", lambda b: b"", "is empty"),
     "wrong magic": ("a.ply", lambda b: b"PLY\n" + bytes(100), r"does not begin as a \.ply"),
     "wrong magic spz": ("a.spz", lambda b: bytes(100), r"does not begin as a \.spz"),
+    "wrong magic glb": ("a.glb", lambda b: bytes(100), r"does not begin as a \.glb"),
+    "wrong magic usd": ("a.usdc", lambda b: bytes(100), r"does not begin as a \.usdc"),
     "wrong magic sog": ("a.sog", lambda b: bytes(100), r"does not begin as a \.sog"),
     "lfs pointer": ("a.ply", lambda b: b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "git lfs pull"),
     "annex pointer": ("a.ply", lambda b: b"/annex/objects/SHA256E-s12--00.ply\n", "git annex get"),
@@ -429,6 +431,7 @@ def samples(build, some, tmp_path_factory):
         content[f"v{version}.spz"] = build.spz(version, 5, 1)[0]
     for version in (1, 2):
         content[f"v{version}.sog"] = build.zipped(build.sog(version))
+    content["a.glb"] = build.cloud_glb(5, 1, nodes=[{"children": [1], "scale": [1, 2, 3]}, {"mesh": 0}])
     return content
 
 
@@ -439,7 +442,7 @@ def sogs(build):
 
 NAMES = [
     *("a.ply", "a.splat", "a.spz", "old.ply", "new.ply", "text.ply"),
-    *("v1.spz", "v2.spz", "v4.spz", "v1.sog", "v2.sog"),
+    *("v1.spz", "v2.spz", "v4.spz", "v1.sog", "v2.sog", "a.glb"),
 ]
 
 

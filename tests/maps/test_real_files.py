@@ -10,22 +10,26 @@ from gasp_core import games
 from gasp_core.io import read_splat
 
 DATA = Path(os.environ.get("GASP_DATA", Path(__file__).parents[3] / "shared" / "data"))
+LARGE = [
+    "skull.sog",
+    "skull_inria_sh3.ply",
+    "statue-angel.sog",
+    "statue-st-peter.sog",
+    *(f"playbot/{level}_0" for level in range(3)),
+]
 FILES = [
     "splats/fruit_drops_minimal.ply",
     "splats/guitar.compressed.ply",
     "splats/plant.splat",
     "splats/playbot_lod3_inria_sh2.ply",
-    "splats/skull.sog",
-    "splats/skull_inria_sh3.ply",
     "splats/statue-angel.compressed.ply",
-    "splats/statue-angel.sog",
     "splats/statue-massa.sog",
-    "splats/statue-st-peter.sog",
     "splats/train-1000.ply",
-    pytest.param("splats/playbot/0_0", marks=pytest.mark.thorough),
-    *(f"splats/playbot/{level}_0" for level in range(1, 7)),
+    *(f"splats/playbot/{level}_0" for level in range(3, 7)),
     "meshlike/spot_10k.splat",
-    "meshlike/spot_100k.splat",
+    # As large again, each of the same kind as one above.
+    *(pytest.param(f"splats/{name}", marks=pytest.mark.thorough) for name in LARGE),
+    pytest.param("meshlike/spot_100k.splat", marks=pytest.mark.thorough),
 ]
 
 

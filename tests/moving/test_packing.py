@@ -31,7 +31,9 @@ from gasp_core.moving.header import HEADER
 from gasp_core.moving.packing import _order
 
 
-@pytest.mark.parametrize("way", ["all", "cores", "levels", "frames", "volume"])
+@pytest.mark.parametrize(
+    "way", ["all", "cores", *(pytest.param(way, marks=pytest.mark.thorough) for way in ("levels", "frames")), "volume"]
+)
 @pytest.mark.parametrize("error", [pytest.param(1e-3, marks=pytest.mark.thorough), 1e-5])
 def test_no_gaussian_is_farther_off_than_asked_for(recorded, ways, tmp_path, way, error):
     kind, reduction = ways[way]

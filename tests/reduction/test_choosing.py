@@ -19,6 +19,17 @@ def assembled(*items, known=None, spacing_before=None, **accuracy):
     return assemble(scene, [place_object(item, item.splat) for item in items], known=known, spacing=spacing_before)
 
 
+_MADE = {}
+
+
+def alone(splat, **options):
+    """The assembly of a thing of it, made once, to look at; of splats that are there all the time."""
+    key = (id(splat), repr(options))
+    if key not in _MADE:
+        _MADE[key] = assembled(thing(splat, **options))
+    return _MADE[key]
+
+
 def thing(splat, name="thing", **options):
     return SplatObject(**{"name": name, "splat": splat, "material": JELLY, **options})
 
@@ -37,18 +48,21 @@ def sheet(count=6_000):
     return discs(points, np.tile([0.0, 0, 1], (count, 1)), np.full((count, 2), 0.02), np.full(count, 0.9), rng)
 
 
+BALL, SHEET = shell(SHAPES["sphere"], count=5_000), sheet()
+
+
 @pytest.mark.parametrize(
     ("splat", "mode", "because"),
     [
-        (shell(SHAPES["sphere"], count=5_000), "volume", "its Gaussians are the surface of"),
+        (BALL, "volume", "its Gaussians are the surface of"),
         (shell(SHAPES["sphere"], count=2_000), "all", "2,000 Gaussians are few"),
-        (sheet(), "cores", "thin matter"),
+        (SHEET, "cores", "thin matter"),
         (cloud(3_000, opacity=0.02), "all", "too faint"),
     ],
     ids=["a ball", "few", "a sheet", "haze"],
 )
 def test_the_mode_follows_from_the_body_and_the_user_is_told(splat, mode, because):
-    (body,) = assembled(thing(splat)).bodies
+    (body,) = alone(splat).bodies
     assert body.carrier.kind == mode
     assert body.notes[0].startswith(f'reduction "{mode}", because ')
     assert because in body.notes[0]
@@ -69,6 +83,7 @@ def test_a_run_that_is_gone_on_with_keeps_what_was_chosen():
     (before,) = assembled(thing(splat, reduction=Reduction(mode="all")), resolution=24).bodies
     (after,) = assembled(thing(splat), known={"thing": before.carrier}, resolution=24).bodies
     assert after.carrier.kind == "all"
+    assert 'reduction "all", because the recording has it: ' in after.notes[0]
 
 
 def test_a_run_that_is_gone_on_with_keeps_its_grid_whatever_its_points_have_become():
@@ -87,9 +102,9 @@ def test_a_run_that_is_gone_on_with_keeps_its_grid_whatever_its_points_have_beco
 
 
 def test_there_are_enough_cores_for_the_cells_of_a_sheet():
-    (body,) = assembled(thing(sheet())).bodies
+    (body,) = alone(SHEET).bodies
     assert "are few" not in " ".join(body.notes)
-    (body,) = assembled(thing(sheet()), resolution=400).bodies
+    (body,) = assembled(thing(SHEET), resolution=400).bodies
     assert body.carrier.kind == "all", "as many cores would be more points than there are vertices"
 
 
@@ -97,18 +112,18 @@ def test_there_are_enough_cores_for_the_cells_of_a_sheet():
     ("splat", "options", "cells"),
     [
         # 20 cells in a diameter are ten in a radius: the mean depth of a ball is a quarter of its radius.
-        (shell(SHAPES["sphere"], count=5_000), {}, 24),
-        pytest.param(shell(SHAPES["sphere"], count=5_000), {"material": WATER}, 48, marks=pytest.mark.thorough),
+        (BALL, {}, 24),
+        pytest.param(BALL, {"material": WATER}, 48, marks=pytest.mark.thorough),
         (shell(SHAPES["thin box"], count=20_000), {}, 40),
-        (sheet(), {}, 48),
+        (SHEET, {}, 48),
         (sheet(count=1_500), {}, 24),
         (cloud(30), {}, 8),
-        (sheet(), {"reduction": Reduction(mode="cores", count=300)}, 16),
+        (SHEET, {"reduction": Reduction(mode="cores", count=300)}, 16),
     ],
     ids=["a ball", "of water", "a thin box", "a sheet", "of few discs", "a cloud", "300 cores"],
 )
 def test_there_are_as_many_cells_as_its_matter_needs(splat, options, cells):
-    assembly = assembled(thing(splat, **options))
+    assembly = alone(splat, **options)
     assert assembly.accuracy.resolution == cells
     assert assembly.notes[0].startswith(f'resolution {cells} cells along "thing", for the ')
     size = np.ptp(splat.means, axis=0).max()

@@ -123,6 +123,7 @@ REFUSED = {
     "negative density": (DESIGN.replace("density = 400", "density = -3"), ["object[0].material.density", "-3"]),
     "no stiffness": (DESIGN.replace("5e4", "0"), ["object[0].material.youngs_modulus", "> 0"]),
     "incompressible": (DESIGN.replace("poissons_ratio = 0.3", "poissons_ratio = 0.5"), ["poissons_ratio", "0.5"]),
+    "axis without a sign": (DESIGN.replace('"-y"', '"z"'), ["object[0].up", 'did you mean "+z"']),
     "unknown material": (DESIGN.replace('"elastic"', '"elastc"'), ["material.model", 'did you mean "elastic"']),
     "no such axis": (DESIGN.replace('"-y"', '"up"'), ["object[0].up", "+x, -x", "up"]),
     "height twice": (DESIGN.replace("height = 0.4", "height = 0.4\nmetres_per_unit = 2"), ["object[0].height"]),

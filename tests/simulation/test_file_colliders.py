@@ -35,8 +35,9 @@ STIFF = Elastic(density=400, youngs_modulus=2e5, poissons_ratio=0.3)
 SLOW = ("reference-mpm", "mujoco-flex")
 """Minutes. That the first agrees with the others among such colliders, their own tests show; that the second's bodies
 rest on them, plugins/mujoco_flex/tests/test_known_shapes.py does."""
-FURTHER = ("taichi-mpm",)
-"""Compiled for it alone, and of the same kind as one that is not."""
+FURTHER = ("taichi-mpm", "blender")
+"""The first is compiled for it alone, and of the same kind as one that is not. The second takes half a minute a run;
+its own tests show that what is rigid slides on a field and is held by one."""
 
 
 def _marks(name):

@@ -109,8 +109,7 @@ def hung():
 
 ENGINES = [
     "warp-mpm",
-    "mujoco-flex",
-    pytest.param("taichi-mpm", marks=pytest.mark.thorough),
+    *(pytest.param(name, marks=pytest.mark.thorough) for name in ("mujoco-flex", "taichi-mpm")),
     pytest.param("reference-mpm", marks=pytest.mark.slow),
 ]
 

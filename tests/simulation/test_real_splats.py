@@ -22,10 +22,11 @@ THOROUGH = ("skull", "statue-angel", "statue-massa", "statue-st-peter")
 FILES = [
     "splats/fruit_drops_minimal.ply",
     "splats/guitar.compressed.ply",
-    "splats/plant.splat",
+    pytest.param("splats/plant.splat", marks=pytest.mark.thorough),
     *(pytest.param(f"splats/{name}.sog", marks=pytest.mark.thorough) for name in THOROUGH),
     "splats/train-1000.ply",
-    *(f"splats/playbot/{level}_0" for level in range(3, 7)),
+    *(pytest.param(f"splats/playbot/{level}_0", marks=pytest.mark.thorough) for level in (3, 4)),
+    *(f"splats/playbot/{level}_0" for level in (5, 6)),
     "meshlike/spot_10k.splat",
     *(pytest.param(name, marks=pytest.mark.slow) for name in (*LARGE, *AGAIN)),
 ]
@@ -36,7 +37,7 @@ TURNED = [
 ]
 OPENED = [
     "splats/fruit_drops_minimal.ply",
-    "splats/playbot/3_0",
+    pytest.param("splats/playbot/3_0", marks=pytest.mark.thorough),
     "splats/statue-massa.sog",
     pytest.param("splats/skull.sog", marks=pytest.mark.slow),
 ]

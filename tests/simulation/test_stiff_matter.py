@@ -228,7 +228,7 @@ def steel(cloud):
     )
 
 
-@pytest.mark.parametrize("name", ["reference-mpm", "taichi-mpm", "warp-mpm"])
+@pytest.mark.parametrize("name", ["reference-mpm", pytest.param("taichi-mpm", marks=pytest.mark.thorough), "warp-mpm"])
 def test_the_engine_would_have_said_the_same_number(name, steel, tmp_path):
     """Only later: with a frame whose every substep is counted by the engine itself."""
     ready(name)

@@ -17,6 +17,11 @@ VOLUME = {"torus": 0.02, "open dome": 0.02}
 """Allowed of the volume; .01 for the others."""
 
 
+def some_of(*others):
+    """All shapes, for a parameter; those of `others` where it is to be thorough."""
+    return [pytest.param(name, marks=pytest.mark.thorough if name in others else ()) for name in SHAPES]
+
+
 def body(solid):
     """The solid without its sheets, whose mass is that of a thickness and no closed form."""
     return dataclasses.replace(solid, sheets=Sheets.none())
@@ -30,7 +35,7 @@ def distances(solid, shape):
     return (found - true)[near] / solid.grid.spacing
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", some_of("sphere", "thin box"))
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_noisy_shell_with_holes_has_the_mass_of_its_body(name, seed):
     shape = SHAPES[name]
@@ -52,7 +57,7 @@ def test_a_noisy_shell_with_holes_has_the_mass_of_its_body(name, seed):
     assert abs(found.volume - shape.volume) < solid.doubts.volume_uncertainty + 0.01 * shape.volume
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", some_of("cube", "torus"))
 def test_distances_to_a_clean_shell_are_right_to_a_small_part_of_a_cell(name):
     solid = solid_of(shell(SHAPES[name]), SolidOptions(cells=CELLS))
     # No surfels tell of the floor that the dome stands on: its rim is as high as the lowest of them are thought to be.
@@ -66,7 +71,7 @@ def test_distance_is_trilinear_within_the_grid_and_goes_on_beyond():
     assert solid.distance_at(far) == pytest.approx(SHAPES["sphere"].distance(far), abs=0.05)
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e4])
+@pytest.mark.parametrize("factor", [1e-3, pytest.param(1e4, marks=pytest.mark.thorough)])
 def test_units_do_not_matter(factor):
     splat = shell(SHAPES["torus"], count=5_000, holes=0.05)
     first = solid_of(splat)

@@ -92,7 +92,7 @@ def test_what_nobody_saw_moves_no_surface(name):
 
 
 def test_which_surface_is_meant_can_be_said():
-    splat = shell(SHAPES["sphere"], noise=0.01)
+    splat = shell(SHAPES["sphere"], count=8_000, noise=0.01)
     told = {surface: solid_of(splat, SolidOptions(surface=surface)).volume for surface in ("auto", "middle", "seen")}
     assert told["auto"] == told["middle"] == pytest.approx(SHAPES["sphere"].volume, rel=0.01)
     # Of Gaussians that are scattered by .01 one sees the outer ones.
@@ -116,7 +116,7 @@ def test_the_body_of_a_capture_ends_where_one_sees_it(name, data):
     assert abs(np.median(body)) < 0.35
 
 
-def mug(depth, rng, wall=0.1, density=30_000):
+def mug(depth, rng, wall=0.1, density=15_000):
     """One of the inner width .8, in flat Gaussians as opaque all over; its volume, and that of its hollow."""
     outer, inner, high = 0.4 + wall, 0.4, depth + wall
 

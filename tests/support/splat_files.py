@@ -153,3 +153,105 @@ def compressed_ply(count=300, degree=1, *, old=False, seed=0, chunks=None, level
         sh = rng.integers(1, 255, (count, rest), np.uint8) if levels is None else levels
         body += sh.tobytes()
     return "\n".join([*head, "end_header"]).encode() + b"\n" + body
+
+
+GLTF_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+KHR = "KHR_gaussian_splatting"
+
+
+class Gltf:
+    """A glTF 2.0 that is put together entry by entry, as its specification has it."""
+
+    def __init__(self):
+        self.binary = b""
+        self.views, self.accessors, self.meshes = [], [], []
+
+    def view(self, content, **more):
+        """Number of a new bufferView."""
+        self.binary += bytes(-len(self.binary) % 4)
+        self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(content), **more})
+        self.binary += content
+        return len(self.views) - 1
+
+    def accessor(self, values, **more):
+        """Number of a new accessor of rows."""
+        values = np.asarray(values)
+        if values.dtype == np.float64:
+            values = values.astype("<f4")
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[1 if values.ndim == 1 else values.shape[1]]
+        entry = {"componentType": GLTF_TYPES[values.dtype.str[1:]], "count": len(values), "type": kind}
+        self.accessors.append({"bufferView": self.view(values.tobytes()), **entry, **more})
+        return len(self.accessors) - 1
+
+    def mesh(self, *primitives):
+        """Number of a new mesh."""
+        self.meshes.append({"primitives": list(primitives)})
+        return len(self.meshes) - 1
+
+    def cloud(self, arrays, **extension):
+        """A primitive of points of arrays, or numbers of accessors, by names without that of the extension."""
+        named = {n if n in ("POSITION", "COLOR_0") or n[0] == "_" else f"{KHR}:{n}": a for n, a in arrays.items()}
+        found = {n: a if isinstance(a, int) else self.accessor(a) for n, a in named.items()}
+        about = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display", **extension}
+        return {"attributes": found, "mode": 0, "extensions": {KHR: about}}
+
+    def packed(self, nodes=None, **changes):
+        """The .glb; a node for each mesh, where none are given."""
+        nodes = [{"mesh": k} for k in range(len(self.meshes))] if nodes is None else nodes
+        below = {child for node in nodes for child in node.get("children", ())}
+        document = {
+            "asset": {"version": "2.0"},
+            "extensionsUsed": [KHR],
+            "scene": 0,
+            "scenes": [{"nodes": [k for k in range(len(nodes)) if k not in below]}],
+            "nodes": nodes,
+            "meshes": self.meshes,
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.binary)}],
+            **changes,
+        }
+        document = {name: entry for name, entry in document.items() if entry is not None}
+        return glb(json.dumps(document).encode(), self.binary)
+
+
+def glb(text, binary):
+    """A .glb of a document and of what it speaks of."""
+    text, binary = text + b" " * (-len(text) % 4), binary + bytes(-len(binary) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
+    return head + struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x4E4942) + binary
+
+
+def cloud_arrays(count=5, degree=1, seed=0):
+    """Attributes of random Gaussians, by the names of the Khronos without the extension's."""
+    rng = np.random.default_rng(seed)
+    quaternions = rng.normal(size=(count, 4))
+    found = {
+        "POSITION": rng.normal(size=(count, 3)),
+        "ROTATION": quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
+        "SCALE": np.exp(rng.uniform(-5, 0, (count, 3))),
+        "OPACITY": rng.uniform(size=count),
+    }
+    for d in range(degree + 1):
+        for n in range(2 * d + 1):
+            found[f"SH_DEGREE_{d}_COEF_{n}"] = rng.uniform(-0.9, 0.9, (count, 3))
+    return found
+
+
+def cloud_glb(count=5, degree=1, seed=0, **changes):
+    """A .glb of random Gaussians; `changes` of its document."""
+    gltf = Gltf()
+    gltf.mesh(gltf.cloud(cloud_arrays(count, degree, seed)))
+    return gltf.packed(**changes)
+
+
+def spz_glb(content, name=f"{KHR}_compression_spz_2"):
+    """A .glb whose Gaussians are packed as .spz, by an extension of one of three names."""
+    gltf = Gltf()
+    inner = {name: {"bufferView": gltf.view(content)}}
+    within = name.startswith(KHR)
+    gltf.mesh(
+        {"attributes": {"POSITION": 0}, "mode": 0, "extensions": {KHR: {"extensions": inner}} if within else inner}
+    )
+    # Accessors are there for what cannot unpack them, and have no numbers.
+    return gltf.packed(accessors=[{"componentType": 5126, "count": 7, "type": "VEC3"}])

@@ -213,6 +213,7 @@ def test_a_fluid_resists_the_rate_of_shear_alone(engine: Any) -> None:
     assert np.abs(exact).max() > 1e3 * (rounding + 4 * EPS * honey.viscosity / STEP)
 
 
+@pytest.mark.thorough
 def test_metal_remembers_what_it_flowed(engine: Any) -> None:
     """The equivalent plastic strain that brings it back to its yield stress, and none where it is below."""
     plastic = np.full(COUNT, 0.02)

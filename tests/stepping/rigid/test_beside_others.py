@@ -48,8 +48,8 @@ def advanced(request):
 
 @pytest.mark.parametrize("slab", [elastic(1e6), RIGID], ids=["soft", "rigid"])
 def test_what_glides_on_a_slab_that_is_pinned_is_not_held(advanced, slab):
-    under = block((32, 12, 4), SIDE, (0.0, 0.0, -2 * SIDE))
-    glider = block((8, 8, 6), SIDE, (-0.3, 0.0, 3 * SIDE))
+    under = block((16, 10, 4), SIDE, (0.0, 0.0, -2 * SIDE))
+    glider = block((6, 6, 6), SIDE, (-0.1, 0.0, 3 * SIDE))
     problem = problem_of(
         [under, glider],
         SIDE,
@@ -67,8 +67,8 @@ def test_what_glides_on_a_slab_that_is_pinned_is_not_held(advanced, slab):
 
 
 def test_what_lies_on_matter_that_is_led_goes_with_it(advanced):
-    platform = block((16, 16, 4), SIDE, (0.0, 0.0, -2 * SIDE))
-    load = block((8, 8, 8), SIDE, (0.0, 0.0, 4 * SIDE))
+    platform = block((12, 12, 4), SIDE, (0.0, 0.0, -2 * SIDE))
+    load = block((6, 6, 8), SIDE, (0.0, 0.0, 4 * SIDE))
     times = np.linspace(0.0, 0.3, 4)
     lifted = np.zeros((4, len(platform), 3))
     lifted[:, :, 2] = 0.2 * times[:, None]
@@ -89,8 +89,8 @@ def test_what_lies_on_matter_that_is_led_goes_with_it(advanced):
 @pytest.mark.parametrize("apart", [5e-17, *(pytest.param(time, marks=pytest.mark.thorough) for time in (1e-10, 1e-6))])
 def test_a_seam_bears_a_step_however_short(advanced, apart):
     """Two winds that do nothing end one after the other: between them is a step as short as that."""
-    hanging = block((8, 8, 12), SIDE, (0.0, 0.0, 6 * SIDE))
-    foot = block((8, 8, 4), SIDE, (0.0, 0.0, -2 * SIDE))
+    hanging = block((6, 6, 8), SIDE, (0.0, 0.0, 4 * SIDE))
+    foot = block((6, 6, 4), SIDE, (0.0, 0.0, -2 * SIDE))
 
     def swung(*ends):
         problem = problem_of(

@@ -21,7 +21,7 @@ class CheckpointTests:
     @pytest.mark.parametrize(
         "material", ["sand", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("rubber", "snow", "metal"))]
     )
-    @pytest.mark.parametrize("precision", ["float32", "float64"])
+    @pytest.mark.parametrize("precision", ["float32", pytest.param("float64", marks=pytest.mark.thorough)])
     def test_restart_is_bitwise(self, kit, precision, material):
         problem = falling(kit, material)
         with kit.open(problem, precision=precision, spacing=0.1) as whole:
@@ -35,7 +35,7 @@ class CheckpointTests:
             assert same(resumed.read(kit.everything), expected)
 
     @pytest.mark.parametrize("marked", [False, True], ids=["alone", "with tracers"])
-    @pytest.mark.parametrize("precision", ["float32", "float64"])
+    @pytest.mark.parametrize("precision", ["float32", pytest.param("float64", marks=pytest.mark.thorough)])
     def test_restart_of_two_bodies_far_apart_is_bitwise(self, kit, precision, marked):
         """They stand side by side on the grid, where a place has more digits than in the scene."""
         corners = ((0.0, 0.0, 0.03), (60.0, -90.0, 0.04))

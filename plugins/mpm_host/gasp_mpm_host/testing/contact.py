@@ -68,7 +68,7 @@ def _momenta(kit: Kit, session: MpmSession, problem: PointProblem) -> tuple[Arra
 class ContactTests:
     """That contact takes from one body what it gives to the other; a subclass finds the fixture `kit`, a `Kit`."""
 
-    @pytest.mark.parametrize("precision", ["float64", "float32"])
+    @pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.thorough)])
     @pytest.mark.parametrize(
         "contact",
         [

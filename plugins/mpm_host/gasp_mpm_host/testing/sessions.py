@@ -295,16 +295,16 @@ class SessionTests:
         assert report.largest_substep <= np.sqrt(0.05 / 9.81)
 
     def test_domain_expand_follows_a_cloud_in_flight(self, kit):
-        """5 m at 100 m/s on a grid of 5 mm cells: a thousand cells, each two steps a new sort, and the shape stays."""
+        """2.5 m at 100 m/s on a grid of 5 mm cells: each two steps a new sort, and the shape stays."""
         start = kit.block(0.02)
         problem = kit.problem(start, kit.materials["elastic"], velocity=(100, 0, 0), side=0.02, gravity=(0, 0, 0))
         with kit.open(problem, spacing=0.005) as session:
-            report = session.advance_to(0.05)
+            report = session.advance_to(0.025)
             moved = session.read(kit.everything).positions - start
             assert kit.nodes(session) < 20**3
         assert report.status is Status.OK
         # float32 velocities: 6e-8 relative in every step, in the same direction at worst.
-        assert np.abs(moved - [5, 0, 0]).max() <= 5 * report.substep_count * 6e-8
+        assert np.abs(moved - [2.5, 0, 0]).max() <= 2.5 * report.substep_count * 6e-8
 
     def test_impulse_is_given_once_at_its_time(self, kit):
         push = Impulse(region=HalfSpace(point=(0, 0, 10), normal=(0, 0, 1)), start=0.01, impulse=(8.0, 0.0, 0.0))
