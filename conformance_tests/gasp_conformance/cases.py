@@ -25,7 +25,7 @@ from gasp_conformance.observables import (
 )
 from gasp_conformance.scenes import SharedScene, shared_scene, thrown_block
 from gasp_conformance.subject import Journal, Subject
-from gasp_core.contract import Elastic, Field, Fluid, Material
+from gasp_core.contract import Elastic, Field, Fluid, HalfSpace, Material
 
 __all__ = [
     "BarsCollide",
@@ -331,22 +331,27 @@ def cantilever_swings(subject: Subject, cells: int) -> Cantilever:
     return Cantilever(drop_error=swing.mean / float(static) - 1, frequency_error=swing.frequency / frequency - 1)
 
 
-def beam_hangs(subject: Subject, scene: SharedScene, cells: int) -> HangingBeam:
-    """V7: a beam bends far under its own weight; still air brings it to rest.
+def beam_hangs(subject: Subject, scene: SharedScene, cells: int, held: float = 0.0) -> HangingBeam:
+    """V7: a beam bends far under its own weight; still air brings it to rest. Some cells of its length are `held` too.
 
     It stands between slip walls, because a blade one cell thin that carries such a weight buckles sideways: beyond
     q L^3 = 12.85 sqrt(E I_y G J) for a cantilever (Timoshenko and Gere, "Theory of Elastic Stability", 6.4).
     """
     (beam,) = scene.places(cells)
     tip, place = _tip(scene, beam)
-    duration = scene.numbers["duration"]
+    duration, free = scene.numbers["duration"], 1 - held / cells
     # In four frames, so that none needs more substeps than an engine grants a frame by default.
     problem = replace(scene.problem(cells), colliders=scene.side_walls(cells, "y"))
+    if held:
+        plane = (scene.bodies[0].corner[0] + held * scene.spacing(cells), 0.0, 0.0)
+        (pin,) = problem.drives
+        problem = replace(problem, drives=(replace(pin, region=HalfSpace(point=plane, normal=(1.0, 0.0, 0.0))),))
     *_, end = subject.states(problem, scene.accuracy(cells), _frames(duration, 4), {Field.VELOCITIES})
     drop = float((beam - end.positions)[tip, 2].mean()) / scene.length
     speed = math.sqrt(float(np.mean(np.sum(end.velocities**2, axis=1))))
-    slenderness = 1 / scene.bodies[0].proportions[2]
-    exact = float(oracles.heavy_beam_drop(place, _beam_weight(scene), slenderness)[0])
+    slenderness = free / scene.bodies[0].proportions[2]
+    weight = _beam_weight(scene) * free**3
+    exact = free * float(oracles.heavy_beam_drop((place - 1 + free) / free, weight, slenderness)[0])
     return HangingBeam(drop_error=drop / exact - 1, unrest=speed * duration / scene.length)
 
 

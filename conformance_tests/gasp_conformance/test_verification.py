@@ -132,6 +132,19 @@ def test_v7_large_deflection_finely(subject: Subject, ledger: Ledger, scene: str
     judge_hanging(subject, ledger, scene, *shared_scene(scene).finer_cells)
 
 
+@check("V7", Level.VERIFICATION)
+@pytest.mark.parametrize("scene", ["v7_bent"], ids=["K=2, clamped between nodes"])
+def test_v7_clamp_between_nodes(subject: Subject, ledger: Ledger, scene: str) -> None:
+    """However a grid lies, a clamp is felt on its plane: what is held as well shortens what hangs."""
+    cells = shared_scene("v7_hanging").cells[0]
+    for held in (0.25, 0.5, 0.75):
+        beam = cases.beam_hangs(subject, shared_scene(scene), cells, held)
+        case = f"V7 bent {cells} cells, {held} of one held"
+        ledger.at_most(case, "unrest / length", beam.unrest, 0.01)
+        # The same half a cell, and no more for where the plane is.
+        ledger.at_most(case, "drop of the tip error", beam.drop_error, 2 / cells + 0.04)
+
+
 def judge_hanging(subject: Subject, ledger: Ledger, scene: str, cells: int) -> None:
     beam = cases.beam_hangs(subject, shared_scene(scene), cells)
     case = f"V7 {scene.removeprefix('v7_')} {cells} cells"

@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from gasp_core.contract import Driven, Elastic, Fluid, HalfSpace, Pinned, PointCloud, PointProblem, SphereShape
+from gasp_core.contract import (
+    Driven,
+    Elastic,
+    Fluid,
+    HalfSpace,
+    Pinned,
+    PointCloud,
+    PointProblem,
+    SphereShape,
+    Trajectories,
+)
 from gasp_core.stepping.held_matter import HELD_FIRMNESS, firmness
 
 JELLY = Elastic(density=1e3, youngs_modulus=1e5, poissons_ratio=0.3)
@@ -10,7 +20,7 @@ WATER = Fluid(density=1e3, bulk_modulus=1e5)
 SPACING = 0.1
 
 
-def counted(positions, drives, time=0.0, bodies=None, holding=None, materials=(JELLY,), material_ids=None):
+def counted(positions, drives=(), time=0.0, bodies=None, holding=None, materials=(JELLY,), material_ids=None, led=()):
     count = len(positions)
     own = np.zeros(count, dtype=int) if bodies is None else np.array(bodies)
     points = PointCloud(
@@ -20,7 +30,8 @@ def counted(positions, drives, time=0.0, bodies=None, holding=None, materials=(J
         material_ids=np.zeros(count, dtype=int) if material_ids is None else np.array(material_ids),
         body_ids=own,
     )
-    problem = PointProblem(points=points, materials=materials, drives=tuple(drives))
+    still = Trajectories(rows=led, times=[0.0, 1.0], displacements=np.zeros((2, len(led), 3))) if led else None
+    problem = PointProblem(points=points, materials=materials, drives=tuple(drives), trajectories=still)
     held = np.ones((len(drives), own.max() + 1)) if holding is None else np.array(holding)
     return (firmness(problem, drives, time, np.array(positions), held, SPACING) / HELD_FIRMNESS == 1).tolist()
 
@@ -38,6 +49,10 @@ def test_a_region_that_moves_holds_where_it_is():
     positions = [(0.0, 0, 0), (2.5, 0, 0)]
     assert counted(positions, [led], time=0.0) == [True, False]
     assert counted(positions, [led], time=2.0) == [False, True]
+
+
+def test_what_is_led_counts():
+    assert counted([(0.0, 0, 0), (1.0, 0, 0), (2.0, 0, 0)], led=[0, 2]) == [True, False, True]
 
 
 def test_bodies_that_are_not_held_and_what_flows_count_once():

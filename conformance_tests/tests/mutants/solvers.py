@@ -70,6 +70,21 @@ class DrivesAlongTangents(InsideOut):
     wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"boundary.prescribed_velocities": _along_tangents}
 
 
+def _counted_once(problem: Any, drives: Any, time: float, positions: Array, *_: Any) -> Array:
+    return np.ones(len(positions))
+
+
+@mutant(
+    "clamps-give-way",
+    {"V7[K=2, clamped between nodes]": "drop of the tip error"},
+    slow=["V7[K=2, clamped between nodes]"],
+)
+class ClampsGiveWay(InsideOut):
+    """What is held counts once, and the splines of the first free node reach into it."""
+
+    wrong: ClassVar[Mapping[str, Callable[..., Any]]] = {"session.firmness": _counted_once}
+
+
 @mutant("small-strains", {"conserved:angular_momentum": "relative change"})
 class SmallStrains(InsideOut):
     """Elasticity is that of small strains: what turns is taken to be strained."""

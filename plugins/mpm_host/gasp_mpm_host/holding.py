@@ -55,7 +55,7 @@ class Holding:
 
     def bodies(self, drives: Sequence[Drive], time: float, cloud: WeighedCloud) -> Array:
         """Which bodies each of the drives at a time [s] holds, (K, B); what they hold of the cloud counts more then."""
-        if not self._problem.drives:
+        if not self._problem.drives and self._problem.trajectories is None:
             return np.ones((0, self._count))
         acting = list(map(id, drives))
         held = np.ones((len(drives), self._count))
