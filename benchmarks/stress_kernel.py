@@ -16,12 +16,15 @@ from typing import Any
 import gasp_conformance.clouds as clouds
 import gasp_reference_mpm.material_points as matter
 import gasp_reference_mpm.transfer as transfer
+import numpy as np
 from gasp_conformance.cases import beam_hangs
+from gasp_conformance.clouds import box_of_points, cloud_of
 from gasp_conformance.extreme_cases import beam_swings
+from gasp_conformance.oracles import cantilever_deflection
 from gasp_conformance.scenes import shared_scene
 from gasp_conformance.subject import Subject, find_subject
 
-from gasp_core.contract import PointProblem, Precision
+from gasp_core.contract import Elastic, EngineAccuracy, PointProblem, Precision, Trajectories
 from gasp_core.stepping import held_matter
 from gasp_core.stepping.grid import GridAnchor
 
@@ -96,6 +99,36 @@ def clamp(subject: Subject) -> None:
             print(f"{thick:<11}{times:11g}" + "".join(f"{drop:9.1f}" for drop in drops), flush=True)
 
 
+def hanging_on_led(subject: Subject) -> None:
+    """How far a bar swings that hangs on points which are led and stand, by how many times they count."""
+    density, gravity, spacing, weight = 1000.0, 1.0, 0.1, 0.4
+    print("\nlargest drop of the tip of a bar that hangs on led points, over twice that at rest, - 1 [%]")
+    print("cells thick    counted    error")
+    for thick in (2, 4):
+        free = 4 * thick
+        length, height = free * spacing, thick * spacing
+        modulus = 12 * density * gravity * length**3 / (weight * height**2)
+        bar = box_of_points((0.0, 0.0, 0.0), (free + 3, thick, thick), spacing)
+        rows = np.flatnonzero(bar[:, 0] < 3 * spacing)
+        period = 2 * np.pi * length**2 / (1.0149 * height) * np.sqrt(density / modulus)
+        times = np.linspace(0.0, 0.7 * period, 29)
+        still = Trajectories(rows=rows, times=times, displacements=np.zeros((len(times), len(rows), 3)))
+        problem = PointProblem(
+            points=cloud_of([bar], [(0.0, 0.0, 0.0)], spacing),
+            materials=(Elastic(density=density, youngs_modulus=modulus, poissons_ratio=0.0),),
+            gravity=(0.0, 0.0, -gravity),
+            trajectories=still,
+        )
+        tip = bar[:, 0] > bar[:, 0].max() - spacing / 4
+        place = float(bar[tip, 0].mean()) / length - 3 * spacing / length
+        rest = length * float(cantilever_deflection(place, weight, length / height))
+        for counted in (1.0, held_matter.HELD_FIRMNESS):
+            with replaced(held_matter, "HELD_FIRMNESS", counted):
+                states = subject.states(problem, EngineAccuracy(spacing=spacing), list(times[1:]))
+                drops = [float((bar - state.positions)[tip, 2].mean()) for state in states]
+            print(f"{thick:<11}{counted:11g}{100 * (max(drops) / (2 * rest) - 1):9.1f}", flush=True)
+
+
 def locking(subject: Subject, cells: int) -> None:
     """Mean drop of a beam over that at 0.3, with the dilation of every point its own and averaged."""
     print(f"\nmean drop of a beam {cells} cells thick, over that at Poisson's ratio 0.3, - 1 [%]")
@@ -115,5 +148,6 @@ if __name__ == "__main__":
     sooner = find_subject("warp-mpm", Precision.FLOAT64, None)
     rest(sooner)
     clamp(sooner)
+    hanging_on_led(sooner)
     for thickness in (2, 3):
         locking(engine, thickness)

@@ -15,8 +15,8 @@ a cell before a node (`benchmarks/stress_kernel.py`, gasp-warp-mpm):
     3 cells       23.8  18.3  14.6   9.7    7.0  4.2  3.0  3.7
     6 cells       10.7   8.8   6.5   4.6    3.5  2.3  1.9  3.3
 
-A bar of 2 x 2 cells that hangs on points that are led swings 34 % too far where these count once, 5 % too little where
-they count eight times; one of 4 x 4 cells 18 and 1 %.
+A bar of 2 x 2 cells that hangs on points that are led swings 42 % too far where these count once, .2 % too little where
+they count eight times; one of 4 x 4 cells 19 % too far and 1.4 % too little.
 
 Sixteen times would be nearer there, and too firm for a bar that hangs along its axis, by 7 % of six cells. The linear
 cantilever, at rest in the plane, has its least error at eight: root of the mean square over where the plane is .8 % at
