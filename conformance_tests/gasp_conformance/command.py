@@ -83,7 +83,7 @@ def conformance(
     ENGINE is its name as "gasp engines" lists it. The checks run in a process of their own, in an empty folder: no
     file of yours changes what they do.
     """
-    from gasp_conformance.process import NOTHING_MATCHED, USAGE, SuiteInterrupted, run_suite, terminable
+    from gasp_conformance.process import NOTHING_MATCHED, USAGE, SuiteInterrupted, run_suite
     from gasp_core.processes.scratch import scratch_folder
 
     if engine is None and not listing:
@@ -107,7 +107,7 @@ def conformance(
         options += [f"--gasp-write-scene={written}", f"--gasp-scenes={where}"]
     if expression is not None:
         options += ["-k", expression]
-    with terminable(), scratch_folder("gasp-conformance-") as folder:
+    with scratch_folder("gasp-conformance-") as folder:
         if listing:
             status = run_suite([*options, "--gasp-list", "-q"], folder)
             context.exit(USAGE_ERROR if status == USAGE else 0)

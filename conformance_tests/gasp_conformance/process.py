@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import signal
 import subprocess
 import sys
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 
 from gasp_core.processes import guard
 from gasp_core.processes.group import end_group, interrupt_group
 
-__all__ = ["NOTHING_MATCHED", "USAGE", "SuiteInterrupted", "is_orderly", "run_suite", "terminable"]
+__all__ = ["NOTHING_MATCHED", "USAGE", "SuiteInterrupted", "is_orderly", "run_suite"]
 
 # As pytest.ExitCode has them; importing it would take longer than everything else here.
 _OK, _TESTS_FAILED, _INTERRUPTED = 0, 1, 2
@@ -36,35 +33,6 @@ class SuiteInterrupted(KeyboardInterrupt):
         self.status = status
 
 
-class _Terminated(KeyboardInterrupt):
-    """What SIGTERM raises."""
-
-
-@contextlib.contextmanager
-def terminable() -> Generator[None]:
-    """Have SIGTERM do what Ctrl-C does, and end this process once that is done; in the main thread.
-
-    A time limit or a service of continuous integration ends a command so.
-    """
-
-    def interrupt(_number: int, _frame: FrameType | None) -> None:
-        raise _Terminated
-
-    was = signal.signal(signal.SIGTERM, interrupt)
-    terminated = False
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        terminated = isinstance(error, _Terminated) or isinstance(error.__cause__, _Terminated)
-        raise
-    finally:
-        signal.signal(signal.SIGTERM, was)
-        if terminated:
-            sys.stdout.flush()
-            # Whoever asked for it is to see that it has ended so.
-            signal.raise_signal(signal.SIGTERM)
-
-
 def run_suite(options: Sequence[str], folder: Path) -> int:
     """Run pytest on the suite in an empty folder and return its exit status; < 0 is a signal.
 
@@ -74,7 +42,7 @@ def run_suite(options: Sequence[str], folder: Path) -> int:
     Raises
     ------
     SuiteInterrupted
-        After Ctrl-C, and SIGTERM within `terminable`: once the process has ended, too.
+        After Ctrl-C, and SIGTERM, which `gasp` takes for one: once the process has ended, too.
     """
     settings = folder / "pytest.ini"
     settings.write_text("[pytest]\n")

@@ -225,7 +225,7 @@ def test_an_engine_that_ends_the_process_when_it_is_loaded_fails(site: Path, tmp
     ("number", "status"),
     [
         (signal.SIGINT, 130),
-        pytest.param(signal.SIGTERM, -signal.SIGTERM, marks=pytest.mark.thorough),
+        pytest.param(signal.SIGTERM, 143, marks=pytest.mark.thorough),
         pytest.param(signal.SIGKILL, -signal.SIGKILL, marks=pytest.mark.thorough),
     ],
 )
@@ -257,7 +257,7 @@ def test_whatever_ends_the_command_ends_the_suite_and_all_it_started(
     assert not is_alive(suite) and not is_alive(helper)
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_what_was_found_before_the_end_from_outside_is_printed_and_written(
     site: Path, tmp_path: Path, number: signal.Signals, status: int
 ) -> None:
