@@ -79,12 +79,14 @@ def print_estimate(found: Estimate, scene: Scene, *, filmed: bool) -> None:
         "engine": f"{found.engine} on {found.device}, {found.precision}",
         "points": f"{found.points:,}, which carry {found.gaussians:,} Gaussians",
         "grid": f"{found.cells} cells of {length_told(found.spacing)} along the largest object",
-        "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us",
+        "substeps": f"some {_rounded(found.substeps)}, the first of {1e6 * found.substep:.3g} us"
+        if found.substeps
+        else "none: the start alone is kept",
         "memory": bytes_told(found.memory),
         "disk": bytes_told(found.disk),
         "time": f"{duration(found.seconds)}: {duration(found.start_seconds)} to begin,"
         f" {duration(found.engine_seconds)} of substeps, {duration(found.frame_seconds)} for {found.frames:,}"
-        f" frames{film}"
+        f" {'frame' if found.frames == 1 else 'frames'}{film}"
         f"{', which takes this again where things go elsewhere than they would fly' if filmed else ''}",
         "": f"between {duration(found.seconds / EITHER_WAY)} and {duration(found.seconds * EITHER_WAY)} probably"
         f"{beyond}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -30,6 +31,8 @@ _LIGHTEST, _HEAVIEST = 5.0, 25_000.0
 """[kg/m^3]: of the lightest foam, and beyond osmium."""
 _SMALLEST, _LARGEST = 1e-3, 20.0
 """[m]: of what one captures and lets fall."""
+_FASTEST = 300.0
+"""[m/s]: of an airliner. What is thrown, dropped or shot from a bow is slower."""
 _LONGEST_COLLIDER = 100.0
 """[m]: a terrain is long, a table in millimetres is longer."""
 _SOFTEST = 1.0
@@ -127,6 +130,9 @@ def _of_object(placed: PlacedObject, gravity: float) -> Iterator[str]:
         said = placed.item.height is not None or placed.item.metres_per_unit is not None
         advice = "lengths are in metres" if said else "say its height; a unit of the file is a metre otherwise"
         yield f"it is {size:.3g} m long: {advice}"
+    speed = math.hypot(*placed.item.velocity)
+    if speed > _FASTEST:
+        yield f"it starts at {speed:,.0f} m/s, faster than an airliner: velocity is in m/s"
     for law in dict.fromkeys(laws_of(placed.item)):
         if isinstance(law, (Elastic, NeoHookean)) and law.density * gravity * size > _SOFTEST * law.youngs_modulus:
             yield (

@@ -41,7 +41,7 @@ step shorter. A sum of both, a 1/dx along an axis with
 
 has what both have (momentum and angular momentum are conserved, affine fields are exact), and used for the force as
 well as for the rate of deformation it conserves energy too. A cantilever six cells thick that bends by a quarter of its
-length (K = 2) hangs too deep by 8.3 % at s = 0, 4.3 % at 1/4, 3.2 % at 1/2, 3.5 % at 1 (`benchmarks/stress_kernel.py`).
+length (K = 2) hangs too deep by 7.6 % at s = 0, 3.2 % at 1/4, 1.8 % at 1/2 (`benchmarks/stress_kernel.py`).
 The stable step is shorter by the factor 1/sqrt(1 + s^2), `gasp_core.stepping.time_step`: 3 % at a quarter.
 """
 
