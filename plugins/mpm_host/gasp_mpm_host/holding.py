@@ -59,12 +59,14 @@ class Holding:
             return np.ones((0, self._count))
         acting = list(map(id, drives))
         held = np.ones((len(drives), self._count))
-        if self._acting == acting and self._count == 1 and self._rigid is None:
+        known = not drives or (self._count == 1 and self._rigid is None)
+        if self._acting == acting and known:
+            # Where points are is a copy of them all, and from a GPU a long way.
             return held
         places = cloud.positions()
-        if self._rigid is not None:
+        if drives and self._rigid is not None:
             held = self._rigid.bodies_held(drives, time, places, self._spacing)
-        elif self._count > 1:
+        elif drives and self._count > 1:
             held = bodies_held(drives, time, places, self._problem.points.body_ids, self._count, self._spacing)
         if self._acting != acting:
             self._acting = acting
