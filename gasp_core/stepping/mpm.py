@@ -28,7 +28,7 @@ __all__ = [
     "presence",
 ]
 
-GRADIENT_SHARE = 0.25
+GRADIENT_SHARE = 0.5
 """How much of the kernel by which stress acts is the spline's own gradient; the rest is moving least squares.
 
 In moving-least-squares form (Hu et al. 2018, 10.1145/3197517.3201293) a point pulls at a node by 4/dx^2 w r, r being
@@ -40,9 +40,11 @@ step shorter. A sum of both, a 1/dx along an axis with
     a_k = (1 - s) 4 w_k r_k + s w'_k,   sum a_k = 0,   sum a_k r_k = 1,
 
 has what both have (momentum and angular momentum are conserved, affine fields are exact), and used for the force as
-well as for the rate of deformation it conserves energy too. A cantilever six cells thick that bends by a quarter of its
-length (K = 2) hangs too deep by 7.6 % at s = 0, 3.2 % at 1/4, 1.8 % at 1/2 (`benchmarks/stress_kernel.py`).
-The stable step is shorter by the factor 1/sqrt(1 + s^2), `gasp_core.stepping.time_step`: 3 % at a quarter.
+well as for the rate of deformation it conserves energy too. A cantilever that bends by a quarter of its length (K = 2)
+hangs too deep by 5.6, 3.2 and 2.3 % at 3, 6 and 12 cells across it for s = 1/4, by 3.6, 1.7 and 1.2 % for 1/2, of which
+nothing is left with 64 points a cell (`benchmarks/stress_kernel.py`).
+The stable step is shorter by the factor 1/sqrt(1 + s^2), `gasp_core.stepping.time_step`: 11 % at a half, 3 % at a
+quarter. For the same error in bending a grid would have to be half as fine again, which costs five times as much.
 """
 
 _OWN_LAME = 4.0
@@ -98,7 +100,7 @@ Where contact only keeps them apart nothing is counted: an open gap may close, a
 LOOK_TRAVEL = 0.125
 """In cells: how far points may fly before it is looked again how far apart bodies are, and along which normals."""
 
-TURNS = 2
+TURNS = 3
 """How often a normal between two bodies is turned towards the direction along which they are farthest apart."""
 
 TURN_BELOW = 0.02

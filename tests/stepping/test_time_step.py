@@ -114,10 +114,11 @@ def test_a_lone_point_is_stable_up_to_the_bound_and_not_beyond(
     bound = rest_bound(material, spacing)
     # At rest the radius is one twice over (a rotation is neither stressed nor damped), so rounding shows as its root.
     assert growth(material, spacing, 0.99 * bound, np.array(cell)) <= 1 + 1e-6
-    # Between nodes the bound is met; there the stiffest mode has the eigenvalue -1 at it, and 1 % beyond -1 - 0.3.
+    # Between nodes the bound is met; there the stiffest mode has the eigenvalue -1 at it, and 1 % beyond -1.16 (-1.33
+    # without the splines' own gradient, -1.08 with nothing else).
     between = np.full(3, 0.5 - 1e-9)
     assert growth(material, spacing, 0.99 * bound, between) <= 1 + 1e-6
-    assert growth(material, spacing, 1.01 * bound, between) > 1.2
+    assert growth(material, spacing, 1.01 * bound, between) > 1.1
 
 
 @settings(deadline=None)  # a slow machine is not a failure
@@ -138,7 +139,7 @@ def test_an_auxetic_solid_is_bound_by_its_shear(ratio: float) -> None:
     bound = rest_bound(material, 0.1)
     between = np.full(3, 0.5 - 1e-9)
     assert growth(material, 0.1, 0.99 * bound, between) <= 1 + 1e-6
-    assert growth(material, 0.1, 1.01 * bound, between) > 1.2
+    assert growth(material, 0.1, 1.01 * bound, between) > 1.1
 
 
 @settings(deadline=None)  # a slow machine is not a failure
