@@ -253,6 +253,8 @@ def filmed(
     finally:
         if film.problem:
             click.echo(f"not filmed: {film.problem}; the run is not harmed by that: gasp render films it", err=True)
+        elif film.side and progress is not False:
+            click.echo(f"the film is {film.side}", err=True)
 
 
 @contextmanager

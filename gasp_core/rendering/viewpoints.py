@@ -14,13 +14,12 @@ from gasp_core.rendering.contract import SplatRenderer
 from gasp_core.rendering.fitting import Subject, fitted, moving_cameras
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion, frame_motion
+from gasp_core.rendering.sides import follows
 from gasp_core.scene.loading import load_camera
 from gasp_core.scene.settings import VIEWS, CameraChoice
 
 __all__ = ["cameras_for", "read_choice", "told_cameras"]
 
-_FAR = 5.0
-"""Times its own size that something has to go for the camera to go with it."""
 _SMOOTHED = 0.2
 """Time [s] over which a camera that follows is smoothed: it is not to jump with what it films."""
 
@@ -92,9 +91,7 @@ def cameras_for(
     if told is not None:
         return told
     around, above = choice.direction
-    follow = choice.follow
-    if follow is None:
-        follow = motion.reach > _FAR * motion.size
+    follow = follows(choice, motion)
     if not (follow or choice.turns):
         camera = frame_motion(motion, width=width, height=height, around=around, above=above)
         return [fitted(camera, motion, subject, renderer)] * len(numbers)
@@ -124,7 +121,7 @@ def told_cameras(
         As of `cameras_for`.
     """
     if choice.file is not None:
-        found = choose(read_cameras(choice.file), choice.view, choice.file)
+        found = choose(read_cameras(choice.file), 0 if choice.view is None else choice.view, choice.file)
         return [placed(found.resized(width, height), footage.placement(choice.object))] * len(numbers)
     if choice.position is not None and choice.target is not None:
         eyes, targets = np.array([choice.position]), np.array([choice.target])

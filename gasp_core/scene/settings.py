@@ -24,6 +24,7 @@ VIEWS: dict[str, tuple[float, float]] = {
     "back": (180.0, 8.0),
     "left": (270.0, 8.0),
     "top": (0.0, 89.0),
+    "three-quarter-left": (325.0, 18.0),
 }
 """Views by name: degrees around from the front (seen along +y) to the right, and degrees above the horizon."""
 _VIEW_NAMES = ", ".join(VIEWS)
@@ -181,8 +182,9 @@ class CameraChoice:
     file
         A cameras.json of 3DGS or a NeRF-style transforms.json.
     view
-        Of that file: number from 0, or name of the picture. Without a file, one of `VIEWS`, 0 the first: all that moves
-        is in the picture, and fills it.
+        Of that file: number from 0, or name of the picture; None: its first. Without a file, one of `VIEWS`, 0 the
+        first: all that moves is in the picture, and fills it; None: the first, or "three-quarter-left" where less is
+        hidden behind colliders that stand still.
     object
         In whose splat's frame the file's cameras are; None: the first object's.
     follow
@@ -201,7 +203,7 @@ class CameraChoice:
     path: tuple[Viewpoint, ...] = ()
     field_of_view: float = 40.0
     file: Path | None = None
-    view: int | str = 0
+    view: int | str | None = None
     object: str | None = None
     follow: bool | None = None
     turns: float = 0.0
@@ -233,7 +235,7 @@ class CameraChoice:
                 raise SceneError(
                     f"CameraChoice.{which} has no meaning with {said[0]}: it is for views by their names, {_VIEW_NAMES}"
                 )
-        elif self.view != 0 and self.view not in VIEWS:
+        elif self.view not in (None, 0, *VIEWS):
             raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}")
 
     @property
@@ -243,5 +245,5 @@ class CameraChoice:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Of a view by its name: degrees around from the front to the right, and above the horizon."""
+        """Of a view by its name, else of the first: degrees around from the front to the right, above the horizon."""
         return VIEWS[self.view if isinstance(self.view, str) else next(iter(VIEWS))]
