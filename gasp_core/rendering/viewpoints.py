@@ -16,6 +16,7 @@ from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion, frame_motion
 from gasp_core.rendering.sides import follows
 from gasp_core.scene.loading import load_camera
+from gasp_core.scene.near_words import did_you_mean
 from gasp_core.scene.settings import VIEWS, CameraChoice
 
 __all__ = ["cameras_for", "read_choice", "told_cameras"]
@@ -43,7 +44,7 @@ def read_choice(text: str) -> CameraChoice:
     if not file.endswith(".json"):
         raise RenderingError(
             f'no view "{text}": choose one of {", ".join(VIEWS)}, or name a file: cameras.json:3, transforms.json,'
-            " camera.toml"
+            f" camera.toml{did_you_mean(text, VIEWS)}"
         )
     return CameraChoice(file=Path(file), view=int(view) if view.isdigit() else view)
 

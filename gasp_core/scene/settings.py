@@ -14,6 +14,7 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.validation import Vector, finite, finite_vector, member, whole_number
 from gasp_core.errors import SceneError
+from gasp_core.scene.near_words import did_you_mean
 
 __all__ = ["VIEWS", "CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice", "Viewpoint"]
 
@@ -99,11 +100,13 @@ class MapChoice:
 
     def __post_init__(self) -> None:
         if self.vertices not in (3, 4, "auto"):
-            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}')
-        if self.covariance not in ("exact", "gram_schmidt"):
-            raise SceneError(f'MapChoice.covariance must be "exact" or "gram_schmidt", found {self.covariance!r}')
-        if self.control not in ("bounded", "as_printed"):
-            raise SceneError(f'MapChoice.control must be "bounded" or "as_printed", found {self.control!r}')
+            hint = did_you_mean(self.vertices, ["auto"])
+            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}{hint}')
+        for name, words in (("covariance", ("exact", "gram_schmidt")), ("control", ("bounded", "as_printed"))):
+            said = getattr(self, name)
+            if said not in words:
+                allowed = " or ".join(f'"{word}"' for word in words)
+                raise SceneError(f"MapChoice.{name} must be {allowed}, found {said!r}{did_you_mean(said, words)}")
         if self.control == "as_printed" and self.covariance == "exact":
             raise SceneError('MapChoice.control = "as_printed" belongs to covariance = "gram_schmidt": say both')
         if self.alpha != math.inf:
@@ -236,7 +239,8 @@ class CameraChoice:
                     f"CameraChoice.{which} has no meaning with {said[0]}: it is for views by their names, {_VIEW_NAMES}"
                 )
         elif self.view not in (None, 0, *VIEWS):
-            raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}")
+            hint = did_you_mean(self.view, VIEWS)
+            raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}{hint}")
 
     @property
     def sees_all(self) -> bool:
