@@ -273,15 +273,16 @@ def _shadowed(colliders: Sequence[Collider], look: _Look, lamp: Array, positions
     balls = [(collider, _ball_around(collider, look.time)) for collider in colliders]
     if all(ball is None for _, ball in balls):
         return shaded
-    ways = positions - lamp
-    far = np.einsum("ij,ij->i", ways, ways)
+    # Squares of the distances from the lamp.
+    far = np.einsum("ij,ij->i", positions, positions) - 2 * (positions @ lamp) + lamp @ lamp
     for collider, ball in balls:
         if ball is None:
             continue
         # Most rays pass it by: those whose line comes no nearer to its middle than it is large.
         middle, radius = ball[0] - lamp, ball[1]
-        near = np.flatnonzero(~shaded & ((ways @ middle) ** 2 > (middle @ middle - radius**2) * far))
-        depth = nearest_hits([collider], lamp, ways[near], look.time).depth
+        ahead = positions @ middle - lamp @ middle
+        near = np.flatnonzero(~shaded & (ahead**2 > (middle @ middle - radius**2) * far))
+        depth = nearest_hits([collider], lamp, positions[near] - lamp, look.time).depth
         shaded[near] = depth < 1 - _BEFORE * look.reach / np.sqrt(far[near])
     return shaded
 
