@@ -88,7 +88,12 @@ def new(
     read_scene(text, file=str(path), folder=path.parent)
     with replacing(path) as stream:
         stream.write(text.encode())
-    click.echo(f"{path}: {len(gaussians):,} Gaussians, {axis} up, {height or _HEIGHT:g} m tall, {preset.name}")
+    # What was asked for was answered, if only by taking what was offered.
+    tall, made = ("" if said is not None else " (a guess)" for said in (height, material))
+    click.echo(
+        f"{path}: {len(gaussians):,} Gaussians, {axis} up{'' if sure or up or asked else ' (a guess)'},"
+        f" {height or _HEIGHT:g} m tall{tall}, {preset.name}{made}"
+    )
     for note in _noted(gaussians, splat):
         click.echo(note)
     click.echo(f"a first look: gasp run {shlex.quote(str(path))} --preview")

@@ -54,8 +54,9 @@ A camera of its own can stand in the scene file:
 @click.option(
     "--camera",
     metavar="VIEW",
-    help="three-quarter, front, right, back, left, top; or cameras.json:3, transforms.json:NAME, a .toml with a"
-    " [camera] (gasp view makes one). [default: the scene's, else three-quarter]",
+    help="three-quarter, front, right, back, left, top, three-quarter-left; or cameras.json:3, transforms.json:NAME, a"
+    " .toml with a [camera] (gasp view makes one). [default: the scene's, else three-quarter, from the left where less"
+    " is hidden then]",
 )
 @click.option("--from", "position", metavar="X Y Z", nargs=3, type=float, help="Where the camera stands instead [m].")
 @click.option("--to", "target", metavar="X Y Z", nargs=3, type=float, help="What it looks at then [m].")

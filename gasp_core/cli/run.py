@@ -60,7 +60,7 @@ A scene:
 Examples:
   gasp run scene.toml
   gasp run scene.toml --engine reference-mpm --out slow.gasp --frames 5
-  gasp run scene.toml --preview                       a first look, in seconds
+  gasp run scene.toml --preview                       a first look, coarse
   gasp run scene.toml --set object.plant.height=0.3 --set scene.duration=4
   gasp run scene.toml --render film.mp4 --dry-run     how long it would take, and what memory
   gasp run scene.toml --render film.mp4
@@ -95,7 +95,9 @@ Examples:
 @click.option(
     "--preview",
     is_flag=True,
-    help="A first look: the first two seconds on a coarse grid, filmed; SCENE.preview.gasp and .mp4 are made anew.",
+    help="A first look: the first two seconds on a coarse grid, filmed, in some 20 s of processor time; what hardly"
+    " gives in volume, such as rubber, takes more, and so does the first run, which compiles."
+    " SCENE.preview.gasp and .mp4 are made anew.",
 )
 @click.option(
     "--dry-run", is_flag=True, help="Keep nothing; print points, substeps, memory and how long it would take."
@@ -253,6 +255,8 @@ def filmed(
     finally:
         if film.problem:
             click.echo(f"not filmed: {film.problem}; the run is not harmed by that: gasp render films it", err=True)
+        elif film.side and progress is not False:
+            click.echo(f"the film is {film.side}", err=True)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -17,12 +18,15 @@ from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.outputs import open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.sides import side_told, with_side
 from gasp_core.rendering.viewpoints import cameras_for, read_choice
 from gasp_core.scene.model import Scene
 from gasp_core.scene.objects import UpAxis
 from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["render"]
+
+_LOG = logging.getLogger(__name__)
 
 _TURN = 100
 """Pictures of a turn around something that does not move."""
@@ -57,9 +61,10 @@ def render(
     size [px]
         Width and height of a picture.
     camera
-        A named view ("three-quarter", "front", "right", "back", "left", "top"), "cameras.json:3",
-        "transforms.json:NAME", a .toml with a ``[camera]``, or a `CameraChoice`. None: the scene's, else three-quarter.
-        Named views have all that moves in the picture.
+        A named view ("three-quarter", "front", "right", "back", "left", "top", "three-quarter-left"), "cameras.json:3",
+        "transforms.json:NAME", a .toml with a ``[camera]``, or a `CameraChoice`. None: the scene's, else three-quarter,
+        from the left where less is hidden then behind colliders that stand still, and the log says so. Named views
+        have all that moves in the picture.
     frames
         Numbers of the frames to show; None: all.
     turntable
@@ -115,6 +120,12 @@ def render(
     motion = motion_of(footage, chosen)
     width, height = size
     painting = open_renderer(renderer)
+    drawn = footage.colliders if (colour is not None if colliders is None else colliders) else ()
+    said = choice or footage.camera or CameraChoice()
+    # What is not drawn hides nothing.
+    choice = with_side(said, motion, drawn, width=width, height=height)
+    if told := side_told(said, choice):
+        _LOG.warning("%s", told)
     cameras = cameras_for(
         footage,
         choice,
@@ -129,7 +140,6 @@ def render(
     )
     rate, title = footage.frame_rate / slower, footage.path.name
     outputs = [open_output(Path(out), count=len(chosen), frame_rate=rate, title=title) for out in outs]
-    drawn = footage.colliders if (colour is not None if colliders is None else colliders) else ()
     painter = FramePainter(footage, painting, motion=motion, background=colour, colliders=drawn)
     with counting(progress, "frame", len(chosen)) as painted, ExitStack() as stack:
         for output in outputs:

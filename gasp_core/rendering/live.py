@@ -17,8 +17,10 @@ from gasp_core.rendering.framing import Motion, motion_of
 from gasp_core.rendering.outputs import Output, open_output
 from gasp_core.rendering.painting import FramePainter, parse_background
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.sides import LEFT, RIGHT, side_told, with_side
 from gasp_core.rendering.viewpoints import cameras_for
 from gasp_core.scene.model import Scene
+from gasp_core.scene.settings import CameraChoice
 
 __all__ = ["LiveFilm"]
 
@@ -73,10 +75,13 @@ class LiveFilm:
         self._outputs = self._opened(count)
         self._stack = ExitStack()
         self._painter: FramePainter | None = None
+        self._choice = CameraChoice()
         self.cameras: list[Camera] = []
         """From where each frame is seen."""
         self._next = 0
         self._known = False
+        self.side = ""
+        """A line that says from which side it is seen, where that is not the usual one and nobody has asked for it."""
         self.problem = ""
         """Why filming ended before the run did."""
         self.anew = False
@@ -145,9 +150,11 @@ class LiveFilm:
     def _set_up(self, footage: RecordedFootage, moving: Moving, motion: Motion, count: int) -> None:
         """Choose the cameras, for what moves as it did or is expected to."""
         width, height = self._size
+        self._choice = self._sided(footage, motion)
+        self.side = side_told(footage.camera, self._choice)
         self.cameras = cameras_for(
             footage,
-            None,
+            self._choice,
             motion=motion,
             subject=moving.subject,
             numbers=range(count),
@@ -158,8 +165,17 @@ class LiveFilm:
         background = parse_background("white")
         self._painter = FramePainter(footage, self._renderer, motion=motion, background=background)
 
+    def _sided(self, footage: RecordedFootage, motion: Motion) -> CameraChoice:
+        """The scene's camera, from the side from which less is hidden; it stays on a side that is about as good."""
+        said = footage.camera or CameraChoice()
+        width, height = self._size
+        usual = LEFT if self._choice.view == LEFT else RIGHT
+        return with_side(said, motion, footage.colliders, width=width, height=height, usual=usual)
+
     def _look_again(self) -> None:
-        """Paint all there is once more where the subject was not wholly in the pictures, or small in them."""
+        """Paint all there is once more where the subject was not wholly in the pictures, or small in them, or would
+        be hidden less from the other side.
+        """
         if self._known:
             return
         footage, count = self._footage(), self._next
@@ -168,7 +184,8 @@ class LiveFilm:
         if stands or footage.recording.reason.startswith("stopped by"):
             return
         motion = motion_of(footage, range(count))
-        if well_framed(self.cameras[:count], motion, footage.subject, self._renderer):
+        seen = self._sided(footage, motion).view == self._choice.view
+        if seen and well_framed(self.cameras[:count], motion, footage.subject, self._renderer):
             return
         self.anew = True
         self._take_back()

@@ -78,9 +78,10 @@ class FramePainter:
         moves = any(collider.motion is not None for collider in colliders)
         if self._scenery is None or camera is not self._camera or moves:
             motion = self._motion
-            scenery = draw_scenery(colliders, camera, centre=motion.centre, reach=motion.reach, time=time)
             if self._lamp is None or moves:
                 self._lamp = Lamp.of(colliders, motion, time)
+            lamp, middle = self._lamp.camera.position, motion.centre
+            scenery = draw_scenery(colliders, camera, centre=middle, reach=motion.reach, time=time, lamp=lamp)
             self._scenery = ShadowedScenery.of(scenery, camera, self._lamp)
             self._camera = camera
         return self._scenery

@@ -12,6 +12,7 @@ from gasp_core.rendering.camera import Camera
 from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.rendering.framing import Motion, frame_motion, motion_of
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.sides import with_side
 from gasp_core.rendering.viewpoints import cameras_for, told_cameras
 from gasp_core.scene.settings import CameraChoice
 
@@ -59,9 +60,9 @@ def _view(footage: RecordedFootage, motion: Motion) -> Camera:
     """From the side that the scene's view names, of all that moves."""
     told = footage.camera
     # Of a file the view is one of its cameras.
-    view = told.view if told is not None and told.file is None else 0
-    choice = CameraChoice(view=view, follow=False)
+    view = told.view if told is not None and told.file is None else None
     width, height = _SIZE
+    choice = with_side(CameraChoice(view=view, follow=False), motion, footage.colliders, width=width, height=height)
     try:
         renderer = open_renderer()
     except RenderingError:

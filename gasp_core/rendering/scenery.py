@@ -17,13 +17,16 @@ from gasp_core.rendering.contract import Picture
 from gasp_core.rendering.field_rays import field_distances
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["LIGHT", "Hit", "draw_scenery", "nearest_hits"]
+__all__ = ["LIGHT", "Hit", "Scenery", "draw_scenery", "nearest_hits"]
 
 Array = NDArray[Any]
 
 LIGHT = np.array([0.35, -0.5, 1.6])
 """Direction to the lamp."""
 _AMBIENT = 0.55
+"""Of the light, that is no lamp's: as bright is what lies in a shadow."""
+_BEFORE = 2e-3
+"""Of the size of what happens, that something has to be nearer to the lamp to shade a place: not what it touches."""
 _GROUND = np.array([0.80, 0.80, 0.79])
 _SOLID = np.array([0.72, 0.66, 0.58])
 _LINE = 0.86
@@ -52,6 +55,19 @@ class Hit:
     collider: Array
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenery(Picture):
+    """Colliders as a picture.
+
+    Parameters
+    ----------
+    lamplight : (H, W) float32
+        Share of each pixel's colour that is the lamp's, 0..1: so much a shadow takes. 0 where it is in one already.
+    """
+
+    lamplight: Array
+
+
 def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array, time: float = 0.0) -> Hit:
     """The first surface that each ray origin + depth * ray meets from the side on which matter may be, at `time` [s].
 
@@ -74,8 +90,14 @@ def nearest_hits(colliders: Sequence[Collider], origin: Array, rays: Array, time
 
 
 def draw_scenery(
-    colliders: Sequence[Collider], camera: Camera, *, centre: Array, reach: float, time: float = 0.0
-) -> Picture:
+    colliders: Sequence[Collider],
+    camera: Camera,
+    *,
+    centre: Array,
+    reach: float,
+    time: float = 0.0,
+    lamp: Array | None = None,
+) -> Scenery:
     """The colliders from a camera, on a transparent ground.
 
     Parameters
@@ -88,11 +110,14 @@ def draw_scenery(
         Middle and size of what happens [m]: planes have a grid that fits it and fade out beyond it.
     time
         [s], for colliders that move.
+    lamp : (3,)
+        Where it is [m]: colliders, but for planes, cast shadows on each other; None: none of them does.
     """
     shape = (camera.height, camera.width)
     if not colliders:
         nothing = np.zeros((*shape, 3), np.float32)
-        return Picture(colour=nothing, alpha=nothing[:, :, 0], depth=np.full(shape, np.inf, np.float32))
+        depth = np.full(shape, np.inf, np.float32)
+        return Scenery(colour=nothing, alpha=nothing[:, :, 0], depth=depth, lamplight=nothing[:, :, 0])
     look = _Look(
         colliders=colliders,
         eye=camera.position,
@@ -100,19 +125,21 @@ def draw_scenery(
         centre=np.asarray(centre),
         reach=reach,
         time=time,
+        lamp=lamp,
     )
-    picture = Picture(
-        colour=np.empty((*shape, 3), np.float32), alpha=np.empty(shape, np.float32), depth=np.empty(shape, np.float32)
-    )
+    empty = {name: np.empty(shape, np.float32) for name in ("alpha", "depth", "lamplight")}
+    picture = Scenery(colour=np.empty((*shape, 3), np.float32), **empty)
     for rows in camera.bands():
-        colour, alpha, depth = _shaded(look, camera.rays(rows).reshape(-1, 3))
+        colour, alpha, depth, lamplight = _shaded(look, camera.rays(rows).reshape(-1, 3))
         picture.colour[rows] = colour.reshape(-1, camera.width, 3)
         picture.alpha[rows] = alpha.reshape(-1, camera.width)
         picture.depth[rows] = depth.reshape(-1, camera.width)
+        picture.lamplight[rows] = lamplight.reshape(-1, camera.width)
     rough = _edges(picture.colour, picture.alpha)
     for rows in camera.bands():
         here = rough[rows]
-        picture.colour[rows][here], picture.alpha[rows][here] = _smoothed(look, camera.rays(rows)[here], camera)
+        smooth = _smoothed(look, camera.rays(rows)[here], camera)
+        picture.colour[rows][here], picture.alpha[rows][here], picture.lamplight[rows][here] = smooth
     return picture
 
 
@@ -127,6 +154,7 @@ class _Look:
     centre: Array
     reach: float
     time: float
+    lamp: Array | None
 
 
 def _edges(colour: Array, alpha: Array) -> Array:
@@ -140,15 +168,16 @@ def _edges(colour: Array, alpha: Array) -> Array:
     return rough
 
 
-def _smoothed(look: _Look, rays: Array, camera: Camera) -> tuple[Array, Array]:
-    """Mean premultiplied colours (N, 3) and weights (N,) of several rays through each pixel."""
-    colour, alpha = np.zeros((len(rays), 3)), np.zeros(len(rays))
+def _smoothed(look: _Look, rays: Array, camera: Camera) -> tuple[Array, Array, Array]:
+    """Mean premultiplied colours (N, 3), weights and shares of lamplight (N,) of several rays through each pixel."""
+    colour, alpha, lamplight = np.zeros((len(rays), 3)), np.zeros(len(rays)), np.zeros(len(rays))
     for across, down in _SAMPLES:
         aside = across / camera.focal_x * camera.rotation[0] + down / camera.focal_y * camera.rotation[1]
-        shade, weight, _ = _shaded(look, rays + aside)
+        shade, weight, _, lit = _shaded(look, rays + aside)
         colour += shade / len(_SAMPLES)
         alpha += weight / len(_SAMPLES)
-    return colour, alpha
+        lamplight += lit / len(_SAMPLES)
+    return colour, alpha, lamplight
 
 
 def _distances(collider: Collider, origin: Array, rays: Array) -> Array:
@@ -200,10 +229,10 @@ def _sphere(shape: SphereShape, origin: Array, rays: Array) -> tuple[Array, Arra
     return np.where(missed, np.inf, (-b - root) / a), np.where(missed, -np.inf, (-b + root) / a)
 
 
-def _shaded(look: _Look, rays: Array) -> tuple[Array, Array, Array]:
-    """Premultiplied colours (N, 3), weights (N,) and depths (N,) of what rays (N, 3) from the eye meet."""
+def _shaded(look: _Look, rays: Array) -> tuple[Array, Array, Array, Array]:
+    """Premultiplied colours (N, 3), weights, depths, shares of lamplight (N,) of what rays (N, 3) from the eye meet."""
     hit = nearest_hits(look.colliders, look.eye, rays, look.time)
-    colour, weight = np.zeros(rays.shape), np.zeros(len(rays))
+    colour, weight, lamplight = np.zeros(rays.shape), np.zeros(len(rays)), np.zeros(len(rays))
     for index, collider in enumerate(look.colliders):
         met = np.flatnonzero(hit.collider == index)
         if len(met) == 0:
@@ -222,12 +251,62 @@ def _shaded(look: _Look, rays: Array) -> tuple[Array, Array, Array]:
             blur = hit.depth[met] * look.pixel / slant
             brightness = _grid(local, np.asarray(shape.normal), look.reach, blur)
             colour[met] = _GROUND * (weight[met] * brightness)[:, None]
+            lamplight[met] = np.where(weight[met] > 0, 1 - _AMBIENT, 0.0)
         else:
             normals = shape.outward_normal(local) @ rotation.T * (-1.0 if collider.side is Side.INSIDE else 1.0)
             light = _AMBIENT + (1 - _AMBIENT) * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
             weight[met] = 1.0
             colour[met] = _SOLID * light[:, None]
-    return colour, weight, hit.depth
+            lamplight[met] = 1 - _AMBIENT / light
+        if look.lamp is not None:
+            others = [*look.colliders[:index], *look.colliders[index + 1 :]]
+            lit = lamplight[met] > 0
+            shaded = met[lit][_shadowed(others, look, look.lamp, position[lit])]
+            colour[shaded] *= 1 - lamplight[shaded][:, None]
+            lamplight[shaded] = 0.0
+    return colour, weight, hit.depth, lamplight
+
+
+def _shadowed(colliders: Sequence[Collider], look: _Look, lamp: Array, positions: Array) -> Array:
+    """Mask (N,) of the places (N, 3) that one of some colliders is before, seen from the lamp."""
+    shaded = np.zeros(len(positions), dtype=bool)
+    balls = [(collider, _ball_around(collider, look.time)) for collider in colliders]
+    if all(ball is None for _, ball in balls):
+        return shaded
+    # Squares of the distances from the lamp.
+    far = np.einsum("ij,ij->i", positions, positions) - 2 * (positions @ lamp) + lamp @ lamp
+    for collider, ball in balls:
+        if ball is None:
+            continue
+        # Most rays pass it by: those whose line comes no nearer to its middle than it is large.
+        middle, radius = ball[0] - lamp, ball[1]
+        ahead = positions @ middle - lamp @ middle
+        near = np.flatnonzero(~shaded & (ahead**2 > (middle @ middle - radius**2) * far))
+        depth = nearest_hits([collider], lamp, positions[near] - lamp, look.time).depth
+        shaded[near] = depth < 1 - _BEFORE * look.reach / np.sqrt(far[near])
+    return shaded
+
+
+def _ball_around(collider: Collider, time: float) -> tuple[Array, float] | None:
+    """Middle (3,) and radius of a ball that a collider is in; None of what casts no shadow: planes, and what has matter
+    inside, as one looks into it through its wall.
+    """
+    shape = collider.shape
+    if collider.side is Side.INSIDE or isinstance(shape, HalfSpace):
+        return None
+    if isinstance(shape, SphereShape):
+        middle, radius = np.asarray(shape.center), shape.radius
+    elif isinstance(shape, BoxShape):
+        middle, radius = np.asarray(shape.center), float(np.linalg.norm(shape.half_extents))
+    elif isinstance(shape, SignedDistanceField):
+        half = shape.spacing * (np.array(shape.values.shape) - 1) / 2
+        middle, radius = np.asarray(shape.origin) + half, float(np.linalg.norm(half))
+    else:
+        return None
+    if collider.motion is None:
+        return middle, radius
+    pose = pose_of(collider.motion, time)
+    return pose.place + pose.rotation @ (middle - pose.center), radius
 
 
 def _grid(position: Array, normal: Array, reach: float, blur: Array) -> Array:

@@ -1,4 +1,7 @@
-"""The shadow that splats cast on the scenery: without it nothing seems to stand on the ground."""
+"""The shadow that splats cast on the scenery: without it nothing seems to stand on the ground.
+
+That of colliders is part of the scenery as it is drawn.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from gasp_core.render_input import RenderInput
 from gasp_core.rendering.camera import Camera, look_at
 from gasp_core.rendering.contract import Picture, SplatRenderer
 from gasp_core.rendering.framing import Motion
-from gasp_core.rendering.scenery import LIGHT, nearest_hits
+from gasp_core.rendering.scenery import LIGHT, Scenery, nearest_hits
 
 __all__ = ["Lamp", "ShadowedScenery"]
 
@@ -30,7 +33,6 @@ _FAR = 30.0
 """Distance of the lamp in sizes of the motion: its rays are nearly parallel."""
 _SOFTNESS = 2.0
 """Blur of the shadow [px of its map]: a map's pixels would show otherwise."""
-_DARKNESS = 0.45
 _OUTSIDE = -1e6
 """A place in no picture: there is no shadow beyond the map."""
 
@@ -65,19 +67,19 @@ class ShadowedScenery:
     Parameters
     ----------
     scenery
-        Without shadow.
+        Without the shadow of splats.
     lamp
         That shines on it.
     places : (2, H, W) float32 [px]
         Down and across in the lamp's picture, from the middle of its first pixel; far outside where there is none.
     """
 
-    scenery: Picture
+    scenery: Scenery
     lamp: Lamp
     places: Array
 
     @classmethod
-    def of(cls, scenery: Picture, camera: Camera, lamp: Lamp) -> ShadowedScenery:
+    def of(cls, scenery: Scenery, camera: Camera, lamp: Lamp) -> ShadowedScenery:
         """From the scenery that a camera sees."""
         eye = lamp.camera
         places = np.empty((2, *scenery.depth.shape), np.float32)
@@ -104,7 +106,7 @@ class ShadowedScenery:
 
         cast = gaussian_filter(renderer.render(splats, self.lamp.camera, occluders=self.lamp.lit).alpha, _SOFTNESS)
         shade = map_coordinates(cast, self.places, order=1, mode="constant", cval=0.0, prefilter=False)
-        return replace(self.scenery, colour=self.scenery.colour * (1 - np.float32(_DARKNESS) * shade)[:, :, None])
+        return replace(self.scenery, colour=self.scenery.colour * (1 - self.scenery.lamplight * shade)[:, :, None])
 
 
 def _looking_down(motion: Motion) -> Camera:

@@ -14,13 +14,13 @@ from gasp_core.rendering.contract import SplatRenderer
 from gasp_core.rendering.fitting import Subject, fitted, moving_cameras
 from gasp_core.rendering.footage import Footage
 from gasp_core.rendering.framing import Motion, frame_motion
+from gasp_core.rendering.sides import follows
 from gasp_core.scene.loading import load_camera
+from gasp_core.scene.near_words import did_you_mean
 from gasp_core.scene.settings import VIEWS, CameraChoice
 
 __all__ = ["cameras_for", "read_choice", "told_cameras"]
 
-_FAR = 5.0
-"""Times its own size that something has to go for the camera to go with it."""
 _SMOOTHED = 0.2
 """Time [s] over which a camera that follows is smoothed: it is not to jump with what it films."""
 
@@ -44,7 +44,7 @@ def read_choice(text: str) -> CameraChoice:
     if not file.endswith(".json"):
         raise RenderingError(
             f'no view "{text}": choose one of {", ".join(VIEWS)}, or name a file: cameras.json:3, transforms.json,'
-            " camera.toml"
+            f" camera.toml{did_you_mean(text, VIEWS)}"
         )
     return CameraChoice(file=Path(file), view=int(view) if view.isdigit() else view)
 
@@ -92,9 +92,7 @@ def cameras_for(
     if told is not None:
         return told
     around, above = choice.direction
-    follow = choice.follow
-    if follow is None:
-        follow = motion.reach > _FAR * motion.size
+    follow = follows(choice, motion)
     if not (follow or choice.turns):
         camera = frame_motion(motion, width=width, height=height, around=around, above=above)
         return [fitted(camera, motion, subject, renderer)] * len(numbers)
@@ -124,7 +122,7 @@ def told_cameras(
         As of `cameras_for`.
     """
     if choice.file is not None:
-        found = choose(read_cameras(choice.file), choice.view, choice.file)
+        found = choose(read_cameras(choice.file), 0 if choice.view is None else choice.view, choice.file)
         return [placed(found.resized(width, height), footage.placement(choice.object))] * len(numbers)
     if choice.position is not None and choice.target is not None:
         eyes, targets = np.array([choice.position]), np.array([choice.target])

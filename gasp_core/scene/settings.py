@@ -14,6 +14,7 @@ from gasp_core.contract import (
 )
 from gasp_core.contract.validation import Vector, finite, finite_vector, member, whole_number
 from gasp_core.errors import SceneError
+from gasp_core.scene.near_words import did_you_mean
 
 __all__ = ["VIEWS", "CameraChoice", "EngineChoice", "MapChoice", "RecordingChoice", "Viewpoint"]
 
@@ -24,6 +25,7 @@ VIEWS: dict[str, tuple[float, float]] = {
     "back": (180.0, 8.0),
     "left": (270.0, 8.0),
     "top": (0.0, 89.0),
+    "three-quarter-left": (325.0, 18.0),
 }
 """Views by name: degrees around from the front (seen along +y) to the right, and degrees above the horizon."""
 _VIEW_NAMES = ", ".join(VIEWS)
@@ -98,11 +100,13 @@ class MapChoice:
 
     def __post_init__(self) -> None:
         if self.vertices not in (3, 4, "auto"):
-            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}')
-        if self.covariance not in ("exact", "gram_schmidt"):
-            raise SceneError(f'MapChoice.covariance must be "exact" or "gram_schmidt", found {self.covariance!r}')
-        if self.control not in ("bounded", "as_printed"):
-            raise SceneError(f'MapChoice.control must be "bounded" or "as_printed", found {self.control!r}')
+            hint = did_you_mean(self.vertices, ["auto"])
+            raise SceneError(f'MapChoice.vertices must be 3, 4 or "auto", found {self.vertices!r}{hint}')
+        for name, words in (("covariance", ("exact", "gram_schmidt")), ("control", ("bounded", "as_printed"))):
+            said = getattr(self, name)
+            if said not in words:
+                allowed = " or ".join(f'"{word}"' for word in words)
+                raise SceneError(f"MapChoice.{name} must be {allowed}, found {said!r}{did_you_mean(said, words)}")
         if self.control == "as_printed" and self.covariance == "exact":
             raise SceneError('MapChoice.control = "as_printed" belongs to covariance = "gram_schmidt": say both')
         if self.alpha != math.inf:
@@ -181,8 +185,9 @@ class CameraChoice:
     file
         A cameras.json of 3DGS or a NeRF-style transforms.json.
     view
-        Of that file: number from 0, or name of the picture. Without a file, one of `VIEWS`, 0 the first: all that moves
-        is in the picture, and fills it.
+        Of that file: number from 0, or name of the picture; None: its first. Without a file, one of `VIEWS`, 0 the
+        first: all that moves is in the picture, and fills it; None: the first, or "three-quarter-left" where less is
+        hidden behind colliders that stand still.
     object
         In whose splat's frame the file's cameras are; None: the first object's.
     follow
@@ -201,7 +206,7 @@ class CameraChoice:
     path: tuple[Viewpoint, ...] = ()
     field_of_view: float = 40.0
     file: Path | None = None
-    view: int | str = 0
+    view: int | str | None = None
     object: str | None = None
     follow: bool | None = None
     turns: float = 0.0
@@ -233,8 +238,9 @@ class CameraChoice:
                 raise SceneError(
                     f"CameraChoice.{which} has no meaning with {said[0]}: it is for views by their names, {_VIEW_NAMES}"
                 )
-        elif self.view != 0 and self.view not in VIEWS:
-            raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}")
+        elif self.view not in (None, 0, *VIEWS):
+            hint = did_you_mean(self.view, VIEWS)
+            raise SceneError(f"CameraChoice.view must be one of {_VIEW_NAMES}, or of a file, found {self.view!r}{hint}")
 
     @property
     def sees_all(self) -> bool:
@@ -243,5 +249,5 @@ class CameraChoice:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Of a view by its name: degrees around from the front to the right, and above the horizon."""
+        """Of a view by its name, else of the first: degrees around from the front to the right, above the horizon."""
         return VIEWS[self.view if isinstance(self.view, str) else next(iter(VIEWS))]

@@ -7,12 +7,13 @@ import difflib
 import re
 import types
 import typing
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import Any, NoReturn, TypeVar, cast
 
 from gasp_core.errors import SceneError
 from gasp_core.io.format_errors import shown
+from gasp_core.scene.near_words import did_you_mean
 
 __all__ = ["StoredTable", "Table", "kind_of"]
 
@@ -131,8 +132,7 @@ class Table:
             self.required(key, f"one of {', '.join(allowed)}")
         name = self.values.get(key, default)
         if not isinstance(name, str) or name not in allowed:
-            close = _meant(name, allowed) if isinstance(name, str) else []
-            hint = f', did you mean "{close[0]}"?' if close else ""
+            hint = did_you_mean(name, allowed)
             self.fail(key, f"must be one of {', '.join(allowed)}, found {kind_of(name)}{hint}")
         return allowed[name]
 
@@ -217,12 +217,6 @@ class StoredTable(Table):
         self.forgotten += [f"{self.path}.{key}" if self.path else key for key in self.values if key not in known]
 
 
-def _meant(name: str, allowed: Collection[str]) -> list[str]:
-    """Which of them a name that is none was to be, if any: an axis without a sign is the positive one."""
-    signed = f"+{name}"
-    return [signed] if signed in allowed else difflib.get_close_matches(name, allowed, n=1)
-
-
 def _number(table: Table, key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         table.fail(key, f"must be a number, found {kind_of(value)}")
@@ -268,6 +262,13 @@ def _arm_name(arm: Any) -> str:
     return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(arm, "a table")
 
 
+def _words(arm: Any) -> list[str]:
+    """Texts that are allowed, where they are few."""
+    if typing.get_origin(arm) is typing.Literal:
+        return [word for word in typing.get_args(arm) if isinstance(word, str)]
+    return [str(one.value) for one in arm] if isinstance(arm, type) and issubclass(arm, Enum) else []
+
+
 def _listed(values: Iterable[object]) -> str:
     return ", ".join(f'"{value}"' if isinstance(value, str) else str(value) for value in values)
 
@@ -294,4 +295,5 @@ def _convert(table: Table, key: str, value: Any, hint: Any) -> Any:
             return tuple(cast("list[Any]", value))
         if arm is Any or (origin in (dict, Mapping) and isinstance(value, Mapping)):
             return cast(Any, value)
-    raise table.refusal(key, f"must be {_expected(hint)}, found {kind_of(value)}")
+    words = [word for arm in _arms(hint) for word in _words(arm)]
+    raise table.refusal(key, f"must be {_expected(hint)}, found {kind_of(value)}{did_you_mean(value, words)}")

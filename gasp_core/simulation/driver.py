@@ -213,7 +213,8 @@ def simulate_part(
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
             if writer is None:
                 # Opened before anything is written: what the engine refuses leaves nothing behind.
-                shown.enter(f"starting {chosen.descriptor.name}")
+                # Whether it does is known to the engine alone, and it may be a minute.
+                shown.enter(f"starting {chosen.descriptor.name} (may compile, the first time)")
                 begun = opening() if end > 1 else nullcontext()
             with begun as session:
                 writer = writer or _created(path, scene, prepared, header, overwrite)

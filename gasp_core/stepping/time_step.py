@@ -239,8 +239,8 @@ def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: Eng
     bound, material = min(((rest_bound(each, spacing), each) for each in used), key=itemgetter(0))
     if accuracy.substep > bound:
         raise SceneError(
-            f"substep {accuracy.substep:.3g} s is above the stable bound {bound:.3g} s"
-            f' ({material.kind}, grid spacing {spacing:.3g} m): leave "substep" out, or stay below the bound'
+            f"substep under [accuracy], {accuracy.substep:.3g} s, is above the stable bound {bound:.3g} s"
+            f" ({material.kind}, grid spacing {spacing:.3g} m): leave it out, or stay below the bound"
         )
 
 

@@ -127,7 +127,7 @@ def test_place_that_cannot_hold_a_recording(refused, out, says):
 def test_step_above_the_stable_bound(refused, workplace):
     scene = workplace / "scene.toml"
     scene.write_text(scene.read_text() + "\n[accuracy]\nsubstep = 0.1\n")
-    refused("run", scene, "--engine", "reference-mpm", says=["substep", "stable bound", "leave"])
+    refused("run", scene, "--engine", "reference-mpm", says=["substep under [accuracy]", "stable bound", "leave"])
 
 
 def test_a_run_is_not_overwritten_unasked(gasp, refused):

@@ -163,6 +163,7 @@ def test_colours():
     ("options", "says"),
     [
         ({"camera": "sideways"}, 'no view "sideways": choose one of three-quarter, front'),
+        ({"camera": "fornt"}, r'no view "fornt": choose one .* camera.toml, did you mean "front"\?'),
         ({"camera": "none.json"}, "there is no such camera file"),
         (
             {"camera": gasp.CameraChoice(position=(1, 1, 1), target=(0, 0, 0)), "turntable": True},

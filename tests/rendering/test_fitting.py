@@ -171,6 +171,7 @@ def test_a_path_goes_through_its_viewpoints_without_going_beyond_them(cameras_of
     ("choice", "says"),
     [
         ({"view": "sideways"}, "view must be one of three-quarter, front"),
+        ({"view": "bakc"}, r'found .bakc., did you mean "back"\?'),
         ({"view": 3}, "view must be one of three-quarter, front"),
         ({"position": (0, 0, 0)}, "target belongs to position"),
         ({"position": (0, 0, 0), "target": (1, 0, 0), "file": "cameras.json"}, "file contradicts position"),

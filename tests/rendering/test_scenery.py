@@ -208,6 +208,90 @@ def test_what_is_buried_casts_no_shadow_and_what_is_at_the_edge_of_the_motion_ca
         assert darkened(corner).sum() * (6 / eye.focal_x) ** 2 == pytest.approx(area, rel=0.05)
 
 
+LAMP = 1e4 * LIGHT
+"""So far that its rays are parallel to 1e-4."""
+DOWN = LIGHT / LIGHT[2]
+"""A shadow falls so far aside, for each metre that what casts it is above the floor."""
+
+
+def shade(*colliders, eye=None, time=0.0):
+    """By how much of itself each pixel is darker for shadows, (H, W)."""
+    eye = eye or look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
+    dark, light = (
+        draw_scenery(colliders, eye, centre=np.zeros(3), reach=2.0, time=time, lamp=lamp) for lamp in (LAMP, None)
+    )
+    assert np.array_equal(dark.depth, light.depth)
+    return np.where(light.alpha > 0, 1 - dark.colour[:, :, 0] / np.maximum(light.colour[:, :, 0], 1e-9), 0.0), eye
+
+
+def test_the_shadow_of_a_ball_lies_where_the_lamp_says_and_is_as_large_as_it_has_to_be():
+    for shape in (
+        SphereShape(center=(0, 0, 2.5), radius=0.3),
+        SignedDistanceField.sampled(
+            SphereShape(center=(0, 0, 2.5), radius=0.3), (-0.4, -0.4, 2.1), (0.4, 0.4, 2.9), 0.02
+        ),
+    ):
+        dark, eye = shade(FLOOR, Collider(shape=shape))
+        y, x = np.mgrid[:200, :200] + 0.5
+        (expected,), _ = eye.project(-2.5 * DOWN[None] + [0, 0, 2.5])
+        found = np.array([(dark * x).sum(), (dark * y).sum()]) / dark.sum()
+        # The field's ball is smaller by its sagitta, h^2 / 8 r, at the most: less than a thousandth.
+        assert found == pytest.approx(expected, abs=0.2)
+        assert np.median(dark[dark > 0.2]) == pytest.approx(0.45, abs=1e-6)
+        # pi r^2 / cos(slope); its outline is smoothed over a pixel of which there are seventeen across.
+        area = dark.sum() / 0.45 * (6 / eye.focal_x) ** 2
+        assert area == pytest.approx(np.pi * 0.09 / (LIGHT[2] / np.linalg.norm(LIGHT)), rel=0.03)
+
+
+def test_a_shadow_is_not_cut_off_beyond_what_moves():
+    """A wall of ten metres where what happens is two metres large."""
+    wall = Collider(shape=BoxShape(center=(0, 0, 1), half_extents=(5.0, 0.05, 1)))
+    eye = look_at((0, 0, 12), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
+    dark, _ = shade(FLOOR, wall, eye=eye)
+    # The floor behind it as seen from the lamp, which is at -y; from above the wall hides .05 m beside its middle.
+    places = np.array([[x, 0.3, 0.0] for x in (-4.0, -2.0, 0.0, 2.0, 4.0)])
+    columns, rows = np.floor(eye.project(places)[0]).astype(int).T
+    assert dark[rows, columns] == pytest.approx(0.45, abs=1e-5)
+    before = places * [1, -1, 1]
+    columns, rows = np.floor(eye.project(before)[0]).astype(int).T
+    assert not dark[rows, columns].any()
+
+
+def test_planes_and_containers_cast_none_and_nothing_shades_itself():
+    container = Collider(shape=BoxShape(center=(0, 0, 1), half_extents=(0.5, 0.5, 1)), side=Side.INSIDE)
+    above = Collider(shape=HalfSpace(point=(0, 0, 3), normal=(0, 0, -1)))
+    assert not shade(FLOOR, container, above)[0].any()
+    assert not shade(BALL)[0].any() and not shade(BOX)[0].any()
+    # Nor what it stands on, where they touch.
+    table = Collider(shape=BoxShape(center=(0, 0, -0.5), half_extents=(1, 1, 0.5)))
+    assert not shade(FLOOR, table)[0].any()
+
+
+def test_a_shadow_goes_with_what_moves():
+    thrown = Collider(shape=SphereShape(center=(0, 0, 4), radius=0.3), motion=SteadyMotion(velocity=(1.0, 0, 0)))
+    middles = []
+    for time in (0.0, 1.0):
+        dark, eye = shade(FLOOR, thrown, time=time)
+        middles.append((dark * (np.mgrid[:200, :200][1] + 0.5)).sum() / dark.sum())
+    assert middles[1] - middles[0] == pytest.approx(eye.focal_x / 6, abs=0.5)
+
+
+def test_what_lies_in_a_shadow_gets_no_darker():
+    eye = look_at((0, 0, 6), (0, 0, 0), width=200, height=200, field_of_view=60, up=(0, 1, 0))
+    motion = Motion(points=np.array([[-1.0, -1, 0], [1, 1, 2]]), frames=np.zeros(2, dtype=int))
+    # It shades all of the floor that the splat does.
+    roof = Collider(shape=BoxShape(center=(*(4 * DOWN)[:2], 4), half_extents=(1.0, 1.0, 0.01)))
+    above = draw_scenery([FLOOR, roof], eye, centre=motion.centre, reach=motion.reach, lamp=LAMP)
+    shadowed = ShadowedScenery.of(above, eye, Lamp.of([FLOOR], motion))
+    mean = np.array([[0.0, 0.0, 0.1]])
+    splats = RenderInput(means=mean, opacities=np.ones(1), harmonics=np.zeros((1, 1, 3)), covariances=np.zeros((1, 6)))
+    under, floor = shadowed.under(splats, Disc()).colour, above.depth > 5.9
+    assert np.array_equal(under[floor], above.colour[floor])
+    alone = draw_scenery([FLOOR], eye, centre=motion.centre, reach=motion.reach, lamp=LAMP)
+    darkened = replace(shadowed, scenery=alone).under(splats, Disc()).colour < alone.colour
+    assert (darkened & floor[:, :, None]).sum() > 100
+
+
 def test_what_moves_is_drawn_where_it_is_then():
     """A ball that goes round, and a box that is turned by 45 degrees, met by a ray along x."""
     ball = Collider(

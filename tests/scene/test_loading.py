@@ -124,6 +124,12 @@ REFUSED = {
     "no stiffness": (DESIGN.replace("5e4", "0"), ["object[0].material.youngs_modulus", "> 0"]),
     "incompressible": (DESIGN.replace("poissons_ratio = 0.3", "poissons_ratio = 0.5"), ["poissons_ratio", "0.5"]),
     "axis without a sign": (DESIGN.replace('"-y"', '"z"'), ["object[0].up", 'did you mean "+z"']),
+    "unknown view": (DESIGN + '[camera]\nview = "fron"\n', ["camera.view", 'did you mean "front"?']),
+    "unknown precision": (
+        DESIGN.replace("[engine]", '[engine]\nprecision = "flaot32"'),
+        ["engine.precision", 'did you mean "float32"?'],
+    ),
+    "unknown covariance": (DESIGN + '[maps]\ncovariance = "exakt"\n', ["maps.covariance", 'did you mean "exact"?']),
     "unknown material": (DESIGN.replace('"elastic"', '"elastc"'), ["material.model", 'did you mean "elastic"']),
     "no such axis": (DESIGN.replace('"-y"', '"up"'), ["object[0].up", "+x, -x", "up"]),
     "height twice": (DESIGN.replace("height = 0.4", "height = 0.4\nmetres_per_unit = 2"), ["object[0].height"]),

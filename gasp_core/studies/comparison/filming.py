@@ -20,8 +20,10 @@ from gasp_core.rendering.footage import RecordedFootage
 from gasp_core.rendering.framing import Motion, motion_of
 from gasp_core.rendering.painting import FramePainter
 from gasp_core.rendering.renderers import open_renderer
+from gasp_core.rendering.sides import with_side
 from gasp_core.rendering.video import FilmFile
 from gasp_core.rendering.viewpoints import cameras_for
+from gasp_core.scene.settings import CameraChoice
 from gasp_core.studies.comparison.measures import Likeness
 
 __all__ = ["Filmed", "film_all"]
@@ -98,9 +100,10 @@ def _painted(
     before = np.cumsum([0] + [counts[name] for name in inline])
     motion = Motion.joined([motion_of(footages[name]).later(int(k)) for name, k in zip(inline, before)])
     first, renderer = footages[inline[0]], open_renderer()
+    choice = with_side(first.camera or CameraChoice(), motion, first.colliders, width=size[0], height=size[1])
     cameras = cameras_for(
         first,
-        None,
+        choice,
         motion=motion,
         subject=lambda number: shown[number][0].subject(shown[number][1]),
         numbers=range(longest),

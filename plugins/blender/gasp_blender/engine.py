@@ -90,11 +90,13 @@ def _longest_step(matters: Sequence[Matter], rigid: bool, accuracy: EngineAccura
     if accuracy.substep is not None:
         if accuracy.substep > bound:
             raise SceneError(
-                f"a substep of {accuracy.substep:g} s is above the stable bound of {bound:.3g} s: leave substep out, or"
-                " lower it"
+                f"substep under [accuracy], {accuracy.substep:g} s, is above the stable bound of {bound:.3g} s: leave"
+                " it out, or lower it"
             )
         if rigid and accuracy.substep > 1:
-            raise SceneError(f"a substep of {accuracy.substep:g} s is above the 1 s that Bullet bears: lower it")
+            raise SceneError(
+                f"substep under [accuracy], {accuracy.substep:g} s, is above the 1 s that Bullet bears: lower it"
+            )
         return accuracy.substep
     return min(accuracy.substep_fraction * CALM * bound, LONGEST_STEP if rigid else math.inf)
 

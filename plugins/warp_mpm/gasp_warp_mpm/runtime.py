@@ -34,10 +34,10 @@ def _quiet() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _without_talk_of_drivers() -> Iterator[None]:
-    """Withhold one line that Warp's library writes to the process's standard error where there is no CUDA driver.
+def _without_talk_of_drivers(talk: bytes) -> Iterator[None]:
+    """Withhold a line with such words that Warp's library writes to the process's standard error.
 
-    Nobody asked for a GPU. Whatever else is written meanwhile is handed on.
+    No setting of Warp's silences it. Whatever else is written meanwhile is handed on.
     """
     sys.stderr.flush()
     with tempfile.TemporaryFile() as held:
@@ -50,7 +50,7 @@ def _without_talk_of_drivers() -> Iterator[None]:
             os.close(before)
             held.seek(0)
             for line in held:
-                if b"CUDA driver" not in line:
+                if talk not in line:
                     os.write(2, line)
 
 
@@ -68,7 +68,8 @@ def device_for(device: str) -> Any:
     if kind not in ("cpu", "cuda") or (kind == "cpu" and index not in (None, 0)):
         raise SceneError(f'engine warp-mpm has no device {device!r}: use "cpu" or "cuda"')
     with _quiet():
-        with _without_talk_of_drivers() if kind == "cpu" else contextlib.nullcontext():
+        # Where nobody asked for a GPU, its driver is nothing to talk of; where one did, we say that there is none.
+        with _without_talk_of_drivers(b"CUDA driver" if kind == "cpu" else b"Could not find or load the NVIDIA CUDA"):
             warp.init()
         if kind == "cpu":
             return warp.get_device("cpu")

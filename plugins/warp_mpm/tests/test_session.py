@@ -79,6 +79,20 @@ def test_a_gpu_named_by_its_index_that_is_not_there_is_said_so(device):
         runtime.device_for(device)
 
 
+def test_where_there_is_no_gpu_one_line_says_so():
+    code = (
+        "import sys, warp; from gasp_warp_mpm.runtime import device_for\n"
+        "from gasp_core.errors import EngineEnvironmentError\n"
+        "try: device_for('cuda')\n"
+        "except EngineEnvironmentError as error: print(error)\n"
+        "else: print('there is a GPU')"
+    )
+    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    if "there is a GPU" in said.stdout:
+        pytest.skip("there is a GPU")
+    assert said.stderr == "" and said.stdout.count("\n") == 1 and "Warp finds no CUDA GPU" in said.stdout
+
+
 def test_the_cpu_is_one_device():
     assert runtime.device_for("cpu:0") == runtime.device_for("cpu")
     for device in ("cpu:1", "tpu", "cuda7"):
