@@ -2,7 +2,8 @@
 
 A field that is smoothed by the width of a detail rounds off edges, and they recede. Beside a crease the body is what is
 behind both planes, or behind either where the crease goes in; which of them it is is told by where each plane's surfels
-lie to the other. Surfels of a capture are fuzz, and there the field has the say as before.
+lie to the other. Surfels of a capture are fuzz, and there the field has the say as before: nodes that one surfel told,
+among many that face elsewhere, would be specks of air in the matter and of matter in the air.
 """
 
 from __future__ import annotations
@@ -32,6 +33,12 @@ _LIKE = 0.8
 """Cosine of normals from which on surfels are of one plane; it counts for nothing below and wholly at 1."""
 _SMOOTH = (0.03, 0.07)
 """Details that surfels are off their plane, root mean square, up to which they are a plane and from which on fuzz."""
+_PLANE = (1.0, 2.0)
+"""Surfels, as many as count alike, that are no plane, and from which on they are one: one alone is never off its own.
+With 2 and 3 a thin box of smooth ones is .049 of a cell off instead of .047, for so few are at its corners."""
+_ASTRAY = 0.3
+"""Share of the surfels around a node that neither are of its plane nor make a crease with it, from which on it is fuzz.
+For 95 in 100 nodes beside a cube or a thin box of smooth ones it is 0; where a skull got specks, .43 in the median."""
 
 
 def sharpened(inside: Array, grid: Grid, means: Array, normals: Array, detail: float) -> Array:
@@ -82,8 +89,9 @@ def _told(known: Array, nodes: Array, tree: Any, means: Array, normals: Array, d
     first, own = places[:, :1], facing[:, 0]
     heights = np.einsum("nki,nki->nk", nodes[:, None] - places, facing)
     alike = np.einsum("nki,ni->nk", facing, own)
-    weights = np.exp(-0.5 * ((lengths - lengths[:, :1]) / (_WIDTH * detail)) ** 2)
-    weights *= np.clip((alike - _LIKE) / (1 - _LIKE), 0.0, 1.0)
+    around = np.exp(-0.5 * ((lengths - lengths[:, :1]) / (_WIDTH * detail)) ** 2)
+    around /= around.sum(axis=1, keepdims=True)
+    weights = around * np.clip((alike - _LIKE) / (1 - _LIKE), 0.0, 1.0)
     weights /= weights.sum(axis=1, keepdims=True)
     plane = (weights * heights).sum(axis=1)
 
@@ -97,7 +105,16 @@ def _told(known: Array, nodes: Array, tree: Any, means: Array, normals: Array, d
 
     rough = np.sqrt((weights * (before - (weights * before).sum(axis=1, keepdims=True)) ** 2).sum(axis=1))
     share = np.clip((_SMOOTH[1] - rough / detail) / (_SMOOTH[1] - _SMOOTH[0]), 0.0, 1.0)
+    # Kish's effective number: that of surfels which count alike and say as much.
+    share *= np.clip((1 / (weights**2).sum(axis=1) - _PLANE[0]) / (_PLANE[1] - _PLANE[0]), 0.0, 1.0)
+    share *= np.clip(1 - _astray(around, other, outward, inward) / _ASTRAY, 0.0, 1.0)
     # Far from the surface it goes over into the field.
     share *= np.clip(2 * (_REACH - np.abs(known) / detail), 0.0, 1.0)
     share[(lengths[:, 0] > _REACH * detail) | (np.abs(told - known) > detail)] = 0.0
     return known + share * (told - known)
+
+
+def _astray(around: Array, other: Array, outward: Array, inward: Array) -> Array:
+    """Share (M,) of surfels (M, K) of other planes than the nearest one's that make no crease, or the rarer of two."""
+    neither, outer, inner = ((around * kind).sum(axis=1) for kind in (other & ~outward & ~inward, outward, inward))
+    return neither + np.minimum(outer, inner)

@@ -33,7 +33,7 @@ __all__ = ["remembered"]
 
 Array = NDArray[Any]
 
-_VERSION = 7
+_VERSION = 8
 """Of what `solid_of` makes: another one wherever its numbers change."""
 _MOST_BYTES = 256 * 2**20
 _MOST_IN_MEMORY = 4
