@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import KeyframedMotion, RigidMotion, SteadyMotion
 from gasp_core.gaussians import rotation_matrices
+from gasp_core.stepping.vectors import crossed
 
 __all__ = ["Pose", "abrupt_times", "pose_of", "rotation_matrix", "starts_of"]
 
@@ -58,9 +59,9 @@ class Pose:
 
     def velocities(self, positions: Array) -> Array:
         """Velocities (N, 3) [m/s] of what is at positions (N, 3) [m] now."""
-        around = np.cross(self.angular_velocity, positions - self.place)
+        around = crossed(self.angular_velocity, positions - self.place)
         velocities = self.velocity + around
-        return velocities + self.inward * np.cross(self.angular_velocity, around) if self.inward else velocities
+        return velocities + self.inward * crossed(self.angular_velocity, around) if self.inward else velocities
 
     def during(self, step: float) -> Pose:
         """The same pose with the velocities that bring everything in a `step` [s] to where it is then.

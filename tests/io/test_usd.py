@@ -141,10 +141,12 @@ def test_where_nothing_can_be_written(some, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["folder.usdc"]
 
 
-def test_a_full_disk_leaves_the_old_file(some, tmp_path):
+def test_a_full_disk_leaves_the_old_file(some, tmp_path, monkeypatch):
     """A limit on file sizes stands in for the disk."""
     path = tmp_path / "a.usdc"
     path.write_bytes(b"old")
+    # Nor is what is imported meanwhile to be left cut off in the cache of bytecode.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
     try:

@@ -53,10 +53,12 @@ def test_what_is_not_finite_stays_so_in_a_ply(some, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_full_disk_leaves_the_old_file(some, tmp_path, suffix):
+def test_a_full_disk_leaves_the_old_file(some, tmp_path, monkeypatch, suffix):
     """A limit on file sizes stands in for the disk: the system refuses the same write, with another number."""
     path = tmp_path / f"a{suffix}"
     path.write_bytes(b"old")
+    # Nor is what is imported meanwhile to be left cut off in the cache of bytecode.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
     try:

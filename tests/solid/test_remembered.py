@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import os
 from collections import OrderedDict
@@ -11,7 +12,7 @@ import pytest
 from splat_shells import SHAPES, shell
 
 from gasp_core.io.cache_folders import CACHE_VARIABLE, cache_folder
-from gasp_core.solid import SolidOptions
+from gasp_core.solid import SolidOptions, solid_of
 from gasp_core.solid import remembered as module
 from gasp_core.solid.remembered import remembered
 
@@ -33,12 +34,25 @@ def later(*arguments):
     return remembered(*arguments)
 
 
-@pytest.fixture
-def made(monkeypatch):
+@pytest.fixture(scope="module")
+def built():
+    """Makes a solid, and copies of it from then on: whose turn it is to make one is what is looked at here."""
+    kept = {}
+
+    def build(gaussians, options=None):
+        key = module._key(gaussians, options or SolidOptions())
+        if key not in kept:
+            kept[key] = solid_of(gaussians, options)
+        return copy.deepcopy(kept[key])
+
+    return build
+
+
+@pytest.fixture(autouse=True)
+def made(monkeypatch, built):
     """How often a solid was made."""
     count = []
-    build = module.solid_of
-    monkeypatch.setattr(module, "solid_of", lambda *arguments: count.append(0) or build(*arguments))
+    monkeypatch.setattr(module, "solid_of", lambda *arguments: count.append(0) or built(*arguments))
     return count
 
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem, Rigid
 from gasp_core.errors import SceneError
-from gasp_core.gaussians import rotation_matrices, rotation_quaternions
+from gasp_core.gaussians import rotation_quaternions
 from gasp_core.stepping.mass_properties import inertia_of_cubes, shown_spin
+from gasp_core.stepping.rigid.turning import rotations_of
 from gasp_core.stepping.rigid_motion import Pose, rotation_matrix
+from gasp_core.stepping.vectors import crossed
 
 __all__ = ["RigidBodies", "RigidState", "momenta_of", "moved", "poses_of", "rigid_bodies_of"]
 
@@ -84,7 +86,7 @@ class RigidState:
     @property
     def rotations(self) -> Array:
         """(B, 3, 3), from the principal axes to the scene."""
-        return rotation_matrices(self.quaternions)
+        return rotations_of(self.quaternions)
 
     def angular_velocities(self, bodies: RigidBodies) -> Array:
         """(B, 3) [rad/s], in the scene's frame."""
@@ -99,7 +101,7 @@ class RigidState:
     def point_velocities(self, bodies: RigidBodies) -> Array:
         """Of the points, (N, 3) [m/s]."""
         arms = np.einsum("nij,nj->ni", self.rotations[bodies.owners], bodies.arms)
-        turning = np.cross(self.angular_velocities(bodies)[bodies.owners], arms)
+        turning = crossed(self.angular_velocities(bodies)[bodies.owners], arms)
         return self.velocities[bodies.owners] + turning
 
     def kinetic_energies(self, bodies: RigidBodies) -> Array:
@@ -170,7 +172,7 @@ def rigid_bodies_of(problem: PointProblem) -> RigidBodies | None:
 
 def momenta_of(bodies: RigidBodies, state: RigidState, given: Array) -> Array:
     """Linear and angular momenta (B, 6), about the centres, of what is given to the points, (N, 3) [kg m/s]."""
-    turning = np.cross(state.positions(bodies) - state.places[bodies.owners], given)
+    turning = crossed(state.positions(bodies) - state.places[bodies.owners], given)
     both = np.concatenate([given, turning], axis=1)
     return np.stack([np.bincount(bodies.owners, column, len(bodies)) for column in both.T], axis=1)
 
@@ -236,8 +238,11 @@ def _turned(quaternions: Array, axis: int, angles: Array) -> Array:
     """Quaternions (B, 4) after turns by angles (B,) [rad] about an axis of the body's own."""
     w, v = quaternions[:, 0], quaternions[:, 1:]
     cosine, sine = np.cos(angles / 2), np.sin(angles / 2)
-    unit = np.eye(3)[axis]
+    # The product with (cosine, sine times the axis).
+    along, one, other = v[:, axis], (axis + 1) % 3, (axis + 2) % 3
     turned = np.empty_like(quaternions)
-    turned[:, 0] = w * cosine - v[:, axis] * sine
-    turned[:, 1:] = cosine[:, None] * v + sine[:, None] * (w[:, None] * unit + np.cross(v, unit))
+    turned[:, 0] = w * cosine - along * sine
+    turned[:, 1 + axis] = along * cosine + w * sine
+    turned[:, 1 + one] = v[:, one] * cosine + v[:, other] * sine
+    turned[:, 1 + other] = v[:, other] * cosine - v[:, one] * sine
     return turned

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from gasp_core.contract import BodyContact, Collider, ContactCondition, PointPro
 from gasp_core.stepping.rigid.bodies import RigidBodies, RigidState, poses_of
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, onto, unit
 from gasp_core.stepping.rigid_motion import pose_of
+from gasp_core.stepping.vectors import crossed, lengths
 from gasp_core.stepping.walls import wall_distances, wall_surface
 
 __all__ = ["CONDITIONS", "NO_BODY", "SLACK", "Contacts", "contacts_of", "relative_velocities"]
@@ -96,7 +98,7 @@ def contacts_of(
 ) -> Contacts:
     """What touches at `time` [s], or may do so within `step` [s]."""
     seen = _Seen(bodies, surfaces, state)
-    speeds = np.linalg.norm(state.velocities, axis=1) + surfaces.radii * np.linalg.norm(angular_velocities, axis=1)
+    speeds = lengths(state.velocities) + surfaces.radii * lengths(angular_velocities)
     found = [_none()]
     for body, (number, wall) in itertools.product(range(len(bodies)), enumerate(walls)):
         found.append(_with_wall(seen, body, wall, len(bodies) + number, time, step, speeds[body]))
@@ -121,7 +123,7 @@ def relative_velocities(contacts: Contacts, velocities: Array, centers: Array) -
 def _at(velocities: Array, centers: Array, bodies: Array, places: Array) -> Array:
     """Velocities (C, 3) [m/s] of what bodies (C,) have at places (C, 3) [m]."""
     own = velocities[bodies]
-    return own[:, :3] + np.cross(own[:, 3:], places - centers[bodies])
+    return own[:, :3] + crossed(own[:, 3:], places - centers[bodies])
 
 
 class _Seen:
@@ -159,7 +161,7 @@ class _Seen:
 
         A sample is seldom the place where a round body touches; what it knows of the bend says where that is.
         """
-        length = np.linalg.norm(across, axis=1)
+        length = lengths(across)
         reach = self.surfaces.reaches[self.rows(body).start + rows]
         most = reach / np.maximum(length, 1e-12)
         bends = self.bends(body, rows)
@@ -191,8 +193,8 @@ def _with_wall(seen: _Seen, body: int, wall: Collider, number: int, time: float,
         turns += pose.angular_velocity
         if wall.contact is not ContactCondition.SEPARATE:
             # What holds on to it goes where it goes within the step (see `gasp_core.stepping.rigid.joints`).
-            own += 0.5 * step * np.cross(turns, own - pose.velocity)
-    way = step * (speed + float(np.linalg.norm(own, axis=1).max()))
+            own += 0.5 * step * crossed(turns, own - pose.velocity)
+    way = step * (speed + float(lengths(own).max()))
     # What is beyond the reach of a sample is within that of another one. Of what rolls it is the part that comes down
     # next: it is turned out of the way before it touches, which a step that goes straight on does not know.
     known = flat | within | (gaps < -SLACK * reaches[near])
@@ -302,6 +304,7 @@ def _made(
     )
 
 
+@cache
 def _none() -> Contacts:
     nothing = np.zeros((0, 3))
     return _made(0, 0, 0, nothing, nothing, np.zeros(0), np.zeros(0), nothing, nothing, BodyContact(), 0.0)

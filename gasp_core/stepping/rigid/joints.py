@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import ContactCondition
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, relative_velocities
+from gasp_core.stepping.vectors import crossed, lengths
 
 __all__ = ["NOT_JOINED", "Joints"]
 
@@ -103,7 +104,7 @@ def _bends(contacts: Contacts, velocities: Array, centers: Array, step: float) -
     arms = contacts.places - centers[contacts.first]
     others[bodies] = velocities[contacts.second[bodies], 3:]
     arms[bodies] = centers[contacts.second[bodies]] - centers[contacts.first[bodies]]
-    apart = np.linalg.norm(own - others, axis=1)
-    as_one = apart <= _AS_ONE * (np.linalg.norm(own, axis=1) + np.linalg.norm(others, axis=1))
+    apart = lengths(own - others)
+    as_one = apart <= _AS_ONE * (lengths(own) + lengths(others))
     turns = 0.5 * (own + others)
-    return np.where(as_one[:, None], 0.5 * step * np.cross(turns, np.cross(turns, arms)), 0.0)
+    return np.where(as_one[:, None], 0.5 * step * crossed(turns, crossed(turns, arms)), 0.0)

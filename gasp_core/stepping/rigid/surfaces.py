@@ -21,6 +21,7 @@ from gasp_core.contract import PointCloud, PointProblem, SignedDistanceField
 from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.rigid.bodies import RigidBodies
 from gasp_core.stepping.rigid_motion import Pose
+from gasp_core.stepping.vectors import lengths
 
 __all__ = ["RigidSurfaces", "cubes_field", "distances", "onto", "rigid_surfaces_of", "unit"]
 
@@ -114,7 +115,7 @@ class RigidSurfaces:
 
 def unit(vectors: Array) -> Array:
     """Vectors (K, 3), each of length one; zero stays zero."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    return vectors / np.maximum(lengths(vectors), 1e-300)[:, None]
 
 
 def onto(places: Array, depths: Array, slopes: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from gasp_core.contract import ContactCondition
 from gasp_core.stepping.rigid.contacts import CONDITIONS, NO_BODY, Contacts, relative_velocities
 from gasp_core.stepping.rigid.surfaces import unit
+from gasp_core.stepping.vectors import crossed, lengths
 
 __all__ = ["Targets", "bounce_shares", "targets_of"]
 
@@ -61,10 +62,10 @@ def targets_of(
     across = closing - np.sum(closing * normals, axis=1, keepdims=True) * normals
     # Across it first along what slides: the second direction then has little to do.
     aside = np.eye(3)[np.abs(normals).argmin(axis=1)] if len(normals) else np.zeros((0, 3))
-    slow = np.linalg.norm(across, axis=1) < 1e-9
-    across[slow] = np.cross(normals[slow], aside[slow])
+    slow = lengths(across) < 1e-9
+    across[slow] = crossed(normals[slow], aside[slow])
     across = unit(across)
-    frames = np.stack([normals, across, np.cross(normals, across)], axis=1)
+    frames = np.stack([normals, across, crossed(normals, across)], axis=1)
     offsets = np.einsum("cij,cj->ci", frames, contacts.velocities)
     approach = -np.sum(closing * normals, axis=1)
     room = np.maximum(contacts.gaps, 0.0) / step

@@ -28,6 +28,7 @@ from gasp_core.stepping.rigid.solver import loaded, settle_nodes, share_of_chang
 from gasp_core.stepping.rigid.surfaces import RigidSurfaces, rigid_surfaces_of, unit
 from gasp_core.stepping.rigid.targets import bounce_shares, targets_of
 from gasp_core.stepping.rigid_motion import Pose
+from gasp_core.stepping.vectors import crossed, lengths
 from gasp_core.stepping.walls import stopped
 
 __all__ = ["RigidWorld"]
@@ -111,8 +112,8 @@ class RigidWorld:
     @property
     def fastest(self) -> float:
         """Bound on the speed of anything that is rigid [m/s]."""
-        turning = np.linalg.norm(self.state.angular_velocities(self.bodies), axis=1)
-        return float((np.linalg.norm(self.state.velocities, axis=1) + turning * self.surfaces.radii).max())
+        turning = lengths(self.state.angular_velocities(self.bodies))
+        return float((lengths(self.state.velocities) + turning * self.surfaces.radii).max())
 
     def poses(self) -> list[Pose]:
         """Of the bodies, from the reference positions to where they are."""
@@ -150,7 +151,7 @@ class RigidWorld:
             taken = masses[near, None] * (velocities[near] - left)
             velocities[near] = left
             self._owed[body, :3] += taken.sum(axis=0)
-            self._owed[body, 3:] += np.cross(positions[near] - pose.place, taken).sum(axis=0)
+            self._owed[body, 3:] += crossed(positions[near] - pose.place, taken).sum(axis=0)
         return velocities
 
     def push(self, struck: Array, change: Array) -> None:

@@ -21,6 +21,7 @@ from typing import Any
 from gasp_core.errors import EngineEnvironmentError, SceneError
 from gasp_core.stepping.threads import processors
 from gasp_taichi_mpm import cuda_context
+from gasp_taichi_mpm.positions import tell_positions_in_a_line
 
 __all__ = ["acquire", "current", "release", "require", "taichi"]
 
@@ -36,11 +37,13 @@ def _import_quietly() -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             import taichi
+            from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
     finally:
         if before is None:
             del os.environ[_BANNER]
         else:
             os.environ[_BANNER] = before
+    tell_positions_in_a_line(ASTTransformerContext)
     return taichi
 
 
