@@ -1,8 +1,9 @@
 """The reduction `volume`: material points that fill the solid behind a splat, at the engine's own spacing.
 
 Two along each side of a cell, as the engines' own scenes have them; those that the surface cuts have the part of their
-volume that is inside, at its middle. Thin matter (`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a
-piece, of its mass, mean and covariance, as cores are; a crumb is a point.
+volume that is inside, at its middle, and what is less than half a point is part of the next one. Thin matter
+(`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a piece, of its mass, mean and covariance, as cores
+are; a crumb is a point.
 """
 
 from __future__ import annotations
