@@ -72,7 +72,7 @@ test: $(STAMP)
 else
 .PHONY: test
 test: $(STAMP) ## What has to be true, in some twenty minutes on two cores; ROOM=reduction: one room in 20 s
-	@$(MAKE) --no-print-directory -j2 --output-sync=target check contract
+	@$(MAKE) --no-print-directory -j2 check contract
 	@TI_ADVANCED_OPTIMIZATION=0 $(BIN)/python -m pytest -m "not slow and not thorough" -n 2 --dist loadgroup
 	@printf '%s\n' $(QUICK) | $(JUDGE)
 

@@ -37,13 +37,13 @@ def _import_quietly() -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             import taichi
-            from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+            from taichi.lang.ast import ast_transformer_utils
     finally:
         if before is None:
             del os.environ[_BANNER]
         else:
             os.environ[_BANNER] = before
-    tell_positions_in_a_line(ASTTransformerContext)
+    tell_positions_in_a_line(getattr(ast_transformer_utils, "ASTTransformerContext", None))
     return taichi
 
 
