@@ -14,7 +14,7 @@ from gasp_core.io.memory_limit import available_memory
 from gasp_core.quantities import bytes_told, length_told, volume_told
 from gasp_core.solid.solid import filled_shares
 
-__all__ = ["PER_CELL", "lattice_inside", "refuse_too_many"]
+__all__ = ["PER_CELL", "lattice_inside", "refuse_too_many", "without_light"]
 
 Array = NDArray[Any]
 
@@ -67,10 +67,7 @@ def refuse_too_many(volume: float, step: float, name: str) -> None:
 def lattice_inside(
     distance_at: Callable[[Array], Array], lower: Array, upper: Array, step: float, wall: float = np.inf
 ) -> tuple[Array, Array]:
-    """Points (P, 3) of a lattice that are inside, moved into the middle of what is, and their shares (P,) of a cube.
-
-    1 away from the surface; at it from a half to 2 and more, where a point has what the surface leaves of cubes beside
-    it. Smaller ones are left where matter is so thin that there is nothing behind them.
+    """Points (P, 3) of a lattice that are inside, moved into the middle of what is, and their shares (P,), to 1.
 
     Parameters
     ----------
@@ -106,15 +103,17 @@ def lattice_inside(
     sums = inside.sum(axis=1, keepdims=True)
     points[cut] += step * (inside @ _SAMPLES) / np.where(sums > 0, sums, 1.0)
     kept = shares > _LEAST * min(wall / step, 1.0)
-    return _without_light(distance_at, points[kept], shares[kept], step, wall)
+    return points[kept], shares[kept]
 
 
-def _without_light(
-    distance_at: Callable[[Array], Array], points: Array, shares: Array, step: float, wall: float
+def without_light(
+    distance_at: Callable[[Array], Array], points: Array, shares: Array, step: float, wall: float = np.inf
 ) -> tuple[Array, Array]:
-    """Points and shares, as of `lattice_inside`, with light ones made part of a neighbour, at their common centre.
+    """Points and shares, as of `lattice_inside`, with those of less than a half made part of a neighbour.
 
-    The neighbour has matter all the way to it, and behind it too: two layers, which tell how they bend, stay two.
+    It has matter all the way to it, and behind it too: two layers, which tell how they bend, stay two. Both are at
+    their common centre then, and shares go up to 2 and more. Of matter that flows the small ones are the water's
+    surface: they go where no other point does.
     """
     from scipy.spatial import KDTree
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gasp_core.reduction.lattice import lattice_inside
+from gasp_core.reduction.lattice import lattice_inside, without_light
 
 STEP = 0.05
 
@@ -19,7 +19,7 @@ def box(points, centre, half):
 
 def found_in(distance_at, wall=np.inf):
     lower, upper = np.full(3, -0.7), np.full(3, 0.7)
-    return lattice_inside(distance_at, lower, upper, STEP, wall)
+    return without_light(distance_at, *lattice_inside(distance_at, lower, upper, STEP, wall), STEP, wall)
 
 
 def test_no_point_of_a_thick_body_is_light_and_none_of_its_volume_is_lost():
