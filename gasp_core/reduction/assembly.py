@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gasp_core.contract import Drive, Elastic, EngineAccuracy, Material, NeoHookean, PointCloud, PointProblem, Rigid
+from gasp_core.contract import Drive, EngineAccuracy, Material, PointCloud, PointProblem
 from gasp_core.dynamics.composition import Played, PrescribedMotion
 from gasp_core.dynamics.mesh_at_start import mesh_at_start
 from gasp_core.errors import SceneError
@@ -29,7 +29,7 @@ from gasp_core.reduction.transfer_operator import Sample, TransferOperator
 from gasp_core.reduction.volume import sample_volume
 from gasp_core.scene.body_contacts import default_contact, pair_contacts
 from gasp_core.scene.model import Scene
-from gasp_core.scene.objects import Reduction, laws_of
+from gasp_core.scene.objects import Reduction
 from gasp_core.scene.selection import PlacedObject
 from gasp_core.stepping.body_faces import BodyFaces
 from gasp_core.stepping.grid import GridAnchor
@@ -38,8 +38,6 @@ __all__ = ["Assembly", "assemble"]
 
 Array = NDArray[Any]
 
-_KEEPS_SHAPE = Elastic, NeoHookean, Rigid
-"""What flows, for good or beyond a stress, goes where its smallest points go."""
 _FINEST, _COARSEST = 1e-12, 1e12
 """Of a cell [m]: the cube of what is beyond them is no float32."""
 
@@ -252,9 +250,7 @@ def _sample(
         )
     if reduction.mode == "volume":
         frames = known if isinstance(known, PointFrames) else None
-        name, region = placed.item.name, placed.item.region
-        keeps_shape = all(isinstance(law, _KEEPS_SHAPE) for law in laws_of(placed.item))
-        return sample_volume(block, reduction, placed.solid(), region, spacing, name, frames, keeps_shape=keeps_shape)
+        return sample_volume(block, reduction, placed.solid(), placed.item.region, spacing, placed.item.name, frames)
     if reduction.count is not None and reduction.count > len(block.local):
         raise SceneError(
             f'object "{placed.item.name}": reduction.count {reduction.count} is more than the {len(block.local)}'

@@ -14,7 +14,7 @@ from gasp_core.io.memory_limit import available_memory
 from gasp_core.quantities import bytes_told, length_told, volume_told
 from gasp_core.solid.solid import filled_shares
 
-__all__ = ["PER_CELL", "lattice_inside", "refuse_too_many", "without_light"]
+__all__ = ["PER_CELL", "lattice_inside", "refuse_too_many"]
 
 Array = NDArray[Any]
 
@@ -23,13 +23,6 @@ PER_CELL = 2
 _LEAST = 0.02
 """Share of a point's volume, or of what a wall right across has of it, below which it is none: it would weigh nothing
 and be moved all the same."""
-_LIGHT = 0.5
-"""Share of a point's volume below which its neighbour takes it over: it costs as much as any other. Of two statues on
-48 cells 11 and 15 in a hundred points were such, with 3 and 4 hundredths of the mass."""
-_REACH = 1.5
-"""Distances of points: how far off a neighbour is."""
-_ASKED = 4
-"""Neighbours that are asked, the nearest first."""
 _SAMPLES = np.array(list(itertools.product((-0.25, 0.25), repeat=3)))
 _AT_ONCE = 2**21
 _BYTES_A_POINT = 1000
@@ -104,48 +97,3 @@ def lattice_inside(
     points[cut] += step * (inside @ _SAMPLES) / np.where(sums > 0, sums, 1.0)
     kept = shares > _LEAST * min(wall / step, 1.0)
     return points[kept], shares[kept]
-
-
-def without_light(
-    distance_at: Callable[[Array], Array], points: Array, shares: Array, step: float, wall: float = np.inf
-) -> tuple[Array, Array]:
-    """Points and shares, as of `lattice_inside`, with those of less than a half made part of a neighbour.
-
-    It has matter all the way to it, and behind it too: two layers, which tell how they bend, stay two. Both are at
-    their common centre then, and shares go up to 2 and more. Of matter that flows the small ones are the water's
-    surface: they go where no other point does.
-    """
-    from scipy.spatial import KDTree
-
-    light, full = np.flatnonzero(shares < _LIGHT), np.flatnonzero(shares >= _LIGHT)
-    if not (len(light) and len(full)):
-        return points, shares
-
-    def depth_at(places: Array) -> Array:
-        distances = distance_at(places)
-        return np.minimum(-distances, distances + wall)
-
-    own = points[light]
-    shifts = 0.25 * step * np.eye(3)
-    slopes = np.stack([depth_at(own + shift) - depth_at(own - shift) for shift in shifts], axis=1)
-    lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
-    inwards = step * slopes / np.where(lengths > 0, lengths, 1.0)
-    tree: Any = KDTree(points[full])
-    _, found = tree.query(own, k=_ASKED, distance_upper_bound=_REACH * step)
-    takers = np.full(len(light), -1)
-    # The nearest last, so that it has the word.
-    for nearest in found.T[::-1]:
-        asked = np.flatnonzero(nearest < len(full))
-        others = full[nearest[asked]]
-        between, behind = (own[asked] + points[others]) / 2, points[others] + inwards[asked]
-        good = (depth_at(between) > 0) & (depth_at(behind) > 0)
-        takers[asked[good]] = others[good]
-    given = light[takers >= 0]
-    takers = takers[takers >= 0]
-    sums, moved = shares.copy(), np.zeros_like(points)
-    np.add.at(sums, takers, shares[given])
-    # As a shift: what takes nothing stays where it is to the last bit.
-    np.add.at(moved, takers, shares[given, None] * (points[given] - points[takers]))
-    kept = np.ones(len(points), dtype=np.bool_)
-    kept[given] = False
-    return (points + moved / sums[:, None])[kept], sums[kept]

@@ -1,9 +1,8 @@
 """The reduction `volume`: material points that fill the solid behind a splat, at the engine's own spacing.
 
 Two along each side of a cell, as the engines' own scenes have them; those that the surface cuts have the part of their
-volume that is inside, at its middle; where matter keeps its shape, what is less than half a point is part of the next
-one. Thin matter (`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a piece, of its mass, mean and
-covariance, as cores are; a crumb is a point.
+volume that is inside, at its middle. Thin matter (`gasp_core.solid.Sheets`) is filled by its pieces: a tetrahedron a
+piece, of its mass, mean and covariance, as cores are; a crumb is a point.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from gasp_core.quantities import volume_told
 from gasp_core.reduction.all_vertices import Block
 from gasp_core.reduction.clusters import scatter
 from gasp_core.reduction.cores import Matter, corners_of
-from gasp_core.reduction.lattice import PER_CELL, lattice_inside, refuse_too_many, without_light
+from gasp_core.reduction.lattice import PER_CELL, lattice_inside, refuse_too_many
 from gasp_core.reduction.point_frames import PointFrames
 from gasp_core.reduction.transfer_operator import Sample, bounds_of
 from gasp_core.scene.objects import Reduction
@@ -79,14 +78,13 @@ class Filling:
     sheet: int
 
 
-def fill(solid: PlacedSolid, spacing: float, *, jittered: bool = False, seed: int = 0, joined: bool = False) -> Filling:
+def fill(solid: PlacedSolid, spacing: float, *, jittered: bool = False, seed: int = 0) -> Filling:
     """Points in a solid, for an engine of this spacing [m].
 
     `jittered`: not on a lattice but up to a quarter of their distance off it; those that the surface cuts stay.
-    `joined`: those of which the surface leaves less than half are part of the next one.
     """
     step = spacing / PER_CELL
-    positions, shares = _lattice(solid, step, joined)
+    positions, shares = _lattice(solid, step)
     if jittered:
         shift = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, positions.shape) * step
         positions = positions + shift * (shares == 1.0)[:, None]
@@ -106,8 +104,6 @@ def sample_volume(
     spacing: float,
     name: str,
     known: PointFrames | None = None,
-    *,
-    keeps_shape: bool = False,
 ) -> Sample:
     """Points that fill the solid behind a body.
 
@@ -128,8 +124,6 @@ def sample_volume(
     known
         Points that were made of such a body before, on whatever machine, and are to be these where they can be: each
         processor rounds in its own way.
-    keeps_shape
-        Whether all of it does, as what is elastic: it takes fewer points then.
 
     Raises
     ------
@@ -137,7 +131,7 @@ def sample_volume(
         Where there is nothing to fill, or far more than memory holds.
     """
     refuse_too_many(solid.volume, spacing / PER_CELL, name)
-    filling = fill(solid, spacing, jittered=reduction.points == "jittered", joined=keeps_shape)
+    filling = fill(solid, spacing, jittered=reduction.points == "jittered")
     positions, volumes = filling.positions, filling.volumes
     if region is not None:
         inside = region.signed_distance(positions) <= 0
@@ -178,15 +172,13 @@ def _same(known: PointFrames, points: Array, gaussians: int, step: float) -> boo
     )
 
 
-def _lattice(solid: PlacedSolid, step: float, joined: bool) -> tuple[Array, Array]:
+def _lattice(solid: PlacedSolid, step: float) -> tuple[Array, Array]:
     """Points (P, 3) of a lattice that are inside, and their shares (P,)."""
     nodes = solid.nodes_inside()
     if not len(nodes):
         return np.zeros((0, 3)), np.zeros(0)
     lower, upper = nodes.min(axis=0) - 2 * solid.spacing, nodes.max(axis=0) + 2 * solid.spacing
     positions, shares = lattice_inside(solid.filled.distance_at, lower, upper, step, solid.wall)
-    if joined:
-        positions, shares = without_light(solid.filled.distance_at, positions, shares, step, solid.wall)
     uneven = max(_TWO_LAYERS * step - solid.wall, 0.0) / 3
     if uneven:
         # Points of one plane do not tell how it turns: those of a thin wall are not equally deep.
