@@ -88,8 +88,9 @@ def test_where_there_is_no_gpu_one_line_says_so():
         "else: print('there is a GPU')"
     )
     said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    # Hidden from Warp a GPU leaves its driver in place, and it is the missing driver that Warp talks of.
     if "there is a GPU" in said.stdout:
-        pytest.skip("there is a GPU")
+        pytest.skip("Warp finds a GPU here: what it says where there is no driver cannot be heard")
     assert said.stderr == "" and said.stdout.count("\n") == 1 and "Warp finds no CUDA GPU" in said.stdout
 
 
