@@ -107,7 +107,7 @@ def filmed(name, scene, folder, sheets):
     numbers = range(footage.frame_count)
     cameras = cameras_for(
         footage,
-        None,
+        footage.camera or gasp.CameraChoice(),
         motion=motion_of(footage, numbers),
         subject=footage.subject,
         numbers=numbers,

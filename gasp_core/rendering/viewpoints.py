@@ -51,7 +51,7 @@ def read_choice(text: str) -> CameraChoice:
 
 def cameras_for(
     footage: Footage,
-    choice: CameraChoice | None,
+    choice: CameraChoice,
     *,
     motion: Motion,
     subject: Subject,
@@ -66,9 +66,9 @@ def cameras_for(
     Parameters
     ----------
     footage
-        What is shown; its scene's camera is taken where `choice` is None.
+        What is shown.
     choice
-        A camera.
+        A camera; of a view by its name the side is chosen before (`gasp_core.rendering.sides`).
     motion, subject
         What is to be in the picture, by numbers of frames.
     numbers
@@ -87,7 +87,6 @@ def cameras_for(
     RecordingError
         Where a camera file is in the frame of an object that is not there.
     """
-    choice = choice or footage.camera or CameraChoice()
     told = told_cameras(footage, choice, numbers, width, height)
     if told is not None:
         return told

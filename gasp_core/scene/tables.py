@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import re
 import types
 import typing
@@ -78,9 +77,8 @@ class Table:
         """Refuse keys that are not among `known`; called first, or a misspelt key would be reported as missing."""
         for key in self.values:
             if key not in known:
-                close = difflib.get_close_matches(key, known, n=1)
-                hint = f'did you mean "{close[0]}"? ' if close else ""
-                self.fail(key, f"unknown key, {hint}known here: {', '.join(sorted(known))}")
+                hint = did_you_mean(key, known) or ","
+                self.fail(key, f"unknown key{hint} known here: {', '.join(sorted(known))}")
 
     def has(self, key: str) -> bool:
         """Whether the key is there."""

@@ -2,7 +2,7 @@ import flying_points
 import numpy as np
 import pytest
 
-from gasp_core import Collider, Elastic, EngineChoice, Gaussians, HalfSpace, Scene, SplatObject, simulate
+from gasp_core import CameraChoice, Collider, Elastic, EngineChoice, Gaussians, HalfSpace, Scene, SplatObject, simulate
 from gasp_core.rendering.contract import Picture
 from gasp_core.rendering.framing import motion_of
 from gasp_core.rendering.viewpoints import cameras_for
@@ -83,7 +83,7 @@ def cameras_of():
         numbers = range(footage.frame_count) if numbers is None else numbers
         return cameras_for(
             footage,
-            choice,
+            choice or footage.camera or CameraChoice(),
             motion=motion_of(footage, numbers),
             subject=footage.subject,
             numbers=numbers,
