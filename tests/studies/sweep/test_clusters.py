@@ -288,18 +288,14 @@ def test_files_of_a_scene_are_each_named_once(scene):
     assert [path.name for path in files_of(load_scene(scene))] == ["floor.obj", "view.json", "toy.ply"]
 
 
-@pytest.mark.thorough
-def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, monkeypatch):
-    """Workers that see no file: as on other machines. The first runs ask for it, and the others find it."""
-    pytest.importorskip("distributed")
-    plan = planned(scene, settings_of(["engine.options.spin=1,2,3,4,5,6"]))
-    hidden = scene.parent / "toy.ply"
-    content = hidden.read_bytes()
-
+@pytest.fixture
+def unseen(scene, monkeypatch):
+    """The splat is there for the one that asks for runs, and for no worker: how often it was read, to be sent."""
     from gasp_core.studies.runs.backends import dask_cluster
     from gasp_core.studies.runs.backends import parcels as parcels_module
 
-    parcels, asked = dask_cluster.parcels_of, []
+    hidden = scene.parent / "toy.ply"
+    parcels, content, asked = dask_cluster.parcels_of, hidden.read_bytes(), []
 
     def parcels_then_hide(runs, limits):
         found = parcels(runs, limits)
@@ -315,9 +311,71 @@ def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, monkeyp
 
     monkeypatch.setattr(dask_cluster, "parcels_of", parcels_then_hide)
     monkeypatch.setattr(parcels_module, "packed", read_again)
+    return asked
+
+
+@pytest.mark.thorough
+def test_dask_sends_what_is_missing_once_to_each_worker(scene, tmp_path, unseen):
+    """Workers that see no file: as on other machines. The first runs ask for it, and the others find it."""
+    pytest.importorskip("distributed")
+    plan = planned(scene, settings_of(["engine.options.spin=1,2,3,4,5,6"]))
     found = sweep(plan, tmp_path / "out", backend=chosen_backend("dask", at_once=2), progress=False)
     assert [row.status for row in found.rows] == ["complete"] * 6
-    assert asked == [hidden]
+    assert unseen == [scene.parent / "toy.ply"]
+
+
+@pytest.mark.thorough
+def test_the_worker_that_holds_what_was_sent_is_lost(scene, tmp_path, unseen):
+    """Dask keeps one copy of it where one worker waits for it, and with that copy forgets the runs that wait."""
+    distributed = pytest.importorskip("distributed")
+    plan = planned(scene, settings_of(["engine.options.pause=0.05", "engine.options.spin=1,2,3"]))
+    killed = []
+
+    def kill(cluster):
+        while not killed and time.monotonic() < deadline:
+            time.sleep(0.02)
+            held = [str(task.key) for worker in cluster.scheduler.workers.values() for task in list(worker.has_what)]
+            if any(key.startswith("bytes-") for key in held) and at_it():
+                os.kill(cluster.workers[0].process.pid, signal.SIGKILL)
+                killed.append(held)
+
+    deadline = time.monotonic() + 120
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        thread = threading.Thread(target=kill, args=(cluster,))
+        thread.start()
+        backend = chosen_backend("dask", scheduler=cluster.scheduler_address)
+        found = sweep(plan, tmp_path / "out", backend=backend, progress=False)
+        deadline = 0.0
+        thread.join()
+    assert killed, "no worker was killed while a run waited"
+    assert [row.status for row in found.rows] == ["complete"] * 3
+
+
+@pytest.mark.thorough
+def test_a_scheduler_that_goes(scene, tmp_path, measured):
+    """One line, and not one for each run; what was done is kept."""
+    distributed = pytest.importorskip("distributed")
+    observable, told = measured
+    plan, out = planned(scene, settings()), tmp_path / "out"
+    measures = Measures(observables=(observable,))
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        backend = chosen_backend("dask", scheduler=cluster.scheduler_address)
+
+        def close():
+            while len(told()) < 2:
+                time.sleep(0.02)
+            cluster.close()
+
+        thread = threading.Thread(target=close)
+        thread.start()
+        with pytest.raises(BackendError, match=r"the connection to the dask scheduler .* is lost") as caught:
+            sweep(plan, out, measures=measures, backend=backend, progress=False)
+        thread.join()
+    assert "\n" not in str(caught.value)
+    done = len((out / "sweep.jsonl").read_text().splitlines())
+    found = sweep(plan, out, measures=measures, backend=chosen_backend(at_once=2), progress=False)
+    assert [row.status for row in found.rows] == ["complete"] * RUNS
+    assert 1 <= found.kept <= done
 
 
 @pytest.mark.thorough

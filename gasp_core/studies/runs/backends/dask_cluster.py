@@ -1,6 +1,8 @@
 """Runs by the workers of a Dask cluster: one that is there, or one of its own on this machine.
 
-A worker that is lost has its run made again by another one; Dask gives a run up that takes a fourth worker along.
+A worker that is lost has its run made again by another one; Dask gives a run up that takes a fourth worker along. Of
+what workers lacked and were sent Dask keeps no more copies than there are workers that wait for it: with the last of
+these it forgets the runs that wait, and they are sent again from here.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ __all__ = ["DaskRuns"]
 
 _PATIENCE = 30.0
 """Seconds for which a scheduler is waited for."""
+_AGAIN = 3
+"""How often a run is sent again whose files were lost with a worker: as often as Dask makes one again by itself."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -47,12 +51,12 @@ class DaskRuns:
         parcels = parcels_of(runs, limits)
         with ExitStack() as stack:
             client = _client(self.scheduler, self.workers, stack)
-            results = _results(client, parcels)
+            results = _results(client, parcels, self.scheduler or "its own")
             stack.callback(results.close)
             yield results
 
 
-def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
+def _results(client: Any, parcels: Sequence[Parcel], where: str) -> Generator[Ended]:
     from distributed import as_completed
 
     parcels = begun_now(parcels)
@@ -60,36 +64,53 @@ def _results(client: Any, parcels: Sequence[Parcel]) -> Generator[Ended]:
     sent: dict[str, Any] = {}
     numbers: dict[Any, int] = {}
     attempts = [0] * len(parcels)
+    lost = [0] * len(parcels)
 
-    def submitted(index: int, attempt: int) -> Any:
+    def is_there(digest: str) -> bool:
+        return digest in sent and sent[digest].status == "finished"
+
+    def submitted(index: int) -> Any:
         parcel = parcels[index]
-        along = {source.digest: sent[source.digest] for source in parcel.sources if source.digest in sent}
-        future = client.submit(
-            _on_worker, parcel, list(along), *along.values(), key=f"gasp-{token}-{index}-{attempt}", pure=False
-        )
+        along = {source.digest: sent[source.digest] for source in parcel.sources if is_there(source.digest)}
+        key = f"gasp-{token}-{index}-{attempts[index]}"
+        future = client.submit(_on_worker, parcel, list(along), *along.values(), key=key, pure=False)
         numbers[future] = index
+        attempts[index] += 1
         return future
 
-    waiting: Any = as_completed([submitted(index, 0) for index in range(len(parcels))])
+    waiting: Any = as_completed([submitted(index) for index in range(len(parcels))])
     try:
         for future in waiting:
             index = numbers.pop(future)
+            if future.cancelled():
+                _refuse_lost(client, where)
+                lost[index] += 1
+                if lost[index] <= _AGAIN:
+                    waiting.add(submitted(index))
+                    continue
             outcome = outcome_of(future.result, parcels[index])
             if isinstance(outcome, Missing):
                 for digest in outcome.digests:
-                    if digest not in sent:
-                        content = parcels[index].packed_source(digest)
-                        # On all workers that there are: the loss of one loses nothing.
-                        sent[digest] = client.scatter(content, hash=False, broadcast=True)
-                attempts[index] += 1
-                waiting.add(submitted(index, attempts[index]))
+                    if not is_there(digest):
+                        sent[digest] = client.scatter(parcels[index].packed_source(digest), hash=False, broadcast=True)
+                waiting.add(submitted(index))
             else:
                 yield index, outcome
             # What is not needed any more the scheduler forgets.
             future.release()
     finally:
         # What is under way notices on its worker that nobody wants it any more.
-        client.cancel(list(numbers), force=True)
+        if client.status == "running":
+            client.cancel(list(numbers), force=True)
+
+
+def _refuse_lost(client: Any, where: str) -> None:
+    """Refuse to go on where it is the scheduler that has gone, with all that it knew of."""
+    if client.status != "running":
+        raise BackendError(
+            f"the connection to the dask scheduler ({where}) is lost: what was done is kept, gasp sweep goes on with"
+            " the rest when it is called again"
+        )
 
 
 def _on_worker(parcel: Parcel, digests: Sequence[str], *contents: bytes) -> Outcome | Missing:
