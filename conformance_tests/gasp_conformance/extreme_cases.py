@@ -686,7 +686,7 @@ def unstable_runs(subject: Subject) -> dict[str, Unstable]:
     arms = block - block.mean(axis=0)
     flight = sound * np.array([0.1, -0.05, 0.08])
     noise = 0.01 * sound * np.random.default_rng(4).normal(size=block.shape)
-    bound = rest_bound(material, spacing)
+    bound = (subject.descriptor.capabilities.stable_step or rest_bound)(material, spacing)
     scenes = {
         "1.1 times the bound": (noise, 1.1),
         # Stable as long as matter is not deformed.

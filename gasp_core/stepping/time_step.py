@@ -15,7 +15,7 @@ which for a solid with nu >= 0 is dx sqrt(rho (1 - 2 nu) / (E (1 + s^2))).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -156,14 +156,16 @@ class MotionLimits:
         return _HARDENED / growth if growth > 0 else math.inf
 
 
-def rest_bound(material: Material, spacing: float) -> float:
+def rest_bound(material: Material, spacing: float, *, gradient_share: float = GRADIENT_SHARE) -> float:
     """Largest stable step [s] of an isolated, undeformed point; inf for a material without stiffness.
+
+    `gradient_share` is that of the stress which acts by the splines' own gradient, see `gasp_core.stepping.mpm`.
 
     For a fluid mu = 0 and lambda = K, and the viscous force alone would bear rho dx^2 / (4 eta (1 + s^2)): both rates
     add. For a solid with stiffness-proportional damping b a bound h becomes h^2 / (b + sqrt(h^2 + b^2)).
     """
     # D of the quadratic B-spline, and what the kernel's share of the gradient leaves of it.
-    inertia = spacing * spacing / (4 * (1 + GRADIENT_SHARE**2))
+    inertia = spacing * spacing / (4 * (1 + gradient_share**2))
     mu = getattr(material, "shear_modulus", 0.0)
     lame = material.bulk_modulus if isinstance(material, Fluid) else getattr(material, "lame_lambda", 0.0)
     stiffness = max(2 * mu, 2 * mu + 3 * lame)
@@ -225,8 +227,14 @@ def hardening_of(problem: PointProblem) -> float:
     return max((material.hardening for material in used if isinstance(material, Snow)), default=0.0)
 
 
-def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: EngineAccuracy) -> None:
-    """Refuse an explicit `accuracy.substep` above the bound of any material that is used.
+def refuse_unstable_substep(
+    problem: PointProblem,
+    spacing: float,
+    accuracy: EngineAccuracy,
+    *,
+    stable_step: Callable[[Material, float], float] = rest_bound,
+) -> None:
+    """Refuse an explicit `accuracy.substep` above the bound, `stable_step`, of any material that is used.
 
     Raises
     ------
@@ -236,7 +244,7 @@ def refuse_unstable_substep(problem: PointProblem, spacing: float, accuracy: Eng
     if accuracy.substep is None:
         return
     used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
-    bound, material = min(((rest_bound(each, spacing), each) for each in used), key=itemgetter(0))
+    bound, material = min(((stable_step(each, spacing), each) for each in used), key=itemgetter(0))
     if accuracy.substep > bound:
         raise SceneError(
             f"substep under [accuracy], {accuracy.substep:.3g} s, is above the stable bound {bound:.3g} s"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gasp_core.contract import EngineAccuracy, PointProblem, Precision
 from gasp_core.errors import EngineEnvironmentError
 from gasp_core.stepping.time_step import refuse_unstable_substep
+from gasp_genesis_mpm.rest_step import rest_step
 from gasp_genesis_mpm.session import GenesisSession
 
 __all__ = ["GenesisMpm"]
@@ -56,5 +57,5 @@ class GenesisMpm:
             of another problem.
         """
         spacing = accuracy.spacing_for(problem.points.size)
-        refuse_unstable_substep(problem, spacing, accuracy)
+        refuse_unstable_substep(problem, spacing, accuracy, stable_step=rest_step)
         return GenesisSession(problem, spacing, accuracy, restart)

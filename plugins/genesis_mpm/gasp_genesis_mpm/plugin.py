@@ -28,7 +28,7 @@ from gasp_core.contract import (
     Snow,
 )
 from gasp_core.discovery.hookspecs import hookimpl
-from gasp_core.stepping.time_step import rest_bound
+from gasp_genesis_mpm.rest_step import rest_step
 
 __all__ = ["CAPABILITIES", "ENVIRONMENT", "gasp_point_engines"]
 
@@ -47,7 +47,7 @@ CAPABILITIES = EngineCapabilities(
     domain_policies=frozenset({DomainPolicy.EXPAND, DomainPolicy.STOP}),
     temporal_order=2.0,
     checkpoints=True,
-    stable_step=rest_bound,
+    stable_step=rest_step,
 )
 
 ENVIRONMENT = EngineEnvironment(python="3.11", packages=("genesis-world==1.4.5", "torch==2.13.0"))

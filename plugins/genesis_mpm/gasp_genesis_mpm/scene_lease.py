@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import PointProblem
-from gasp_core.stepping.time_step import rest_bound
 from gasp_genesis_mpm.colliders import walls_of
 from gasp_genesis_mpm.grid_window import Window
 from gasp_genesis_mpm.particle_state import Motion, Units
+from gasp_genesis_mpm.rest_step import rest_step
 from gasp_genesis_mpm.runtime import lender
 from gasp_genesis_mpm.stiffness_groups import Portion, portions_of
 
@@ -60,7 +60,7 @@ class Performance:
         self._units = Units(spacing=spacing, portions=self.portions, masses=problem.masses)
         self._walls = walls_of(problem.colliders, spacing)
         self._places = np.array([(wall.place - origin) / spacing for wall in self._walls]).reshape(-1, 3)
-        bound = min(rest_bound(portion.material, spacing) for portion in self.portions)
+        bound = min(rest_step(portion.material, spacing) for portion in self.portions)
         self._nothing = _NOTHING * bound
         self._blueprint: Any = None
         self._stage: Any = None

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Fluid, Material, Metal, PointProblem, Snow
-from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
+from gasp_core.stepping.time_step import hencky_stiffening, snow_stiffening, stiffening
 from gasp_genesis_mpm.particle_state import Motion
+from gasp_genesis_mpm.rest_step import rest_step
 from gasp_genesis_mpm.stiffness_groups import Portion
 
 __all__ = ["stable_step"]
@@ -29,7 +30,7 @@ def stable_step(problem: PointProblem, portions: tuple[Portion, ...], motion: Mo
         rows = portion.rows
         growth = _growth(portion.material, motion.deformations[rows], motion.history[rows])
         lightness = portion.volume / volumes[rows]
-        bound = min(bound, rest_bound(portion.material, spacing) / float(np.sqrt((growth * lightness).max())))
+        bound = min(bound, rest_step(portion.material, spacing) / float(np.sqrt((growth * lightness).max())))
     return bound
 
 

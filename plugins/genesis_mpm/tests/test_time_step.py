@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gasp_genesis_mpm.particle_state import Motion
+from gasp_genesis_mpm.rest_step import rest_step
 from gasp_genesis_mpm.stiffness_groups import CLASSES, Portion, portions_of
 from gasp_genesis_mpm.time_step import stable_step
 
 from gasp_core.contract import Elastic, Material, PointCloud, PointProblem, Snow
-from gasp_core.stepping.time_step import rest_bound
 
 SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
 SNOW = Snow(density=400.0, youngs_modulus=1e5, poissons_ratio=0.2)
@@ -42,14 +42,14 @@ def test_volumes_with_classes_of_their_own_cost_no_substeps() -> None:
     case = problem(np.repeat(np.arange(1.0, CLASSES + 1), 3))
     step = stable_step(case, portions_of(case), at_rest(len(case.points)), SPACING)
     # At rest nothing is stiffer than at rest; a few roundings.
-    assert step == pytest.approx(rest_bound(SOFT, SPACING), rel=1e-6)
+    assert step == pytest.approx(rest_step(SOFT, SPACING), rel=1e-6)
 
 
 def test_a_point_lighter_than_its_class_bears_less() -> None:
     case = problem([1.0, 1.0, 0.25])
     (both,) = (Portion(material=SOFT, volume=1.0, rows=np.arange(3)),)
     step = stable_step(case, (both,), at_rest(3), SPACING)
-    assert step == pytest.approx(rest_bound(SOFT, SPACING) / 2, rel=1e-6)
+    assert step == pytest.approx(rest_step(SOFT, SPACING) / 2, rel=1e-6)
 
 
 def test_what_is_stretched_or_hardened_bears_less() -> None:
@@ -59,8 +59,8 @@ def test_what_is_stretched_or_hardened_bears_less() -> None:
     stretched = stable_step(case, portions_of(case), motion, SPACING)
     # 2 J^2 - J at J = 1.5^3.
     stiffer = 2 * 1.5**6 - 1.5**3
-    assert stretched == pytest.approx(rest_bound(SOFT, SPACING) / np.sqrt(stiffer), rel=1e-6)
+    assert stretched == pytest.approx(rest_step(SOFT, SPACING) / np.sqrt(stiffer), rel=1e-6)
     packed = problem([1.0, 1.0], SNOW)
     pressed = stable_step(packed, portions_of(packed), at_rest(2, 0.9), SPACING)
     # exp(10 (1 - J_P)), and the step goes with its root.
-    assert pressed == pytest.approx(rest_bound(SNOW, SPACING) * np.exp(-0.5), rel=1e-6)
+    assert pressed == pytest.approx(rest_step(SNOW, SPACING) * np.exp(-0.5), rel=1e-6)
