@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Sequence
 from typing import Any, cast
 
 from gasp_core.errors import SceneError
 
-__all__ = ["changed"]
+__all__ = ["changed", "value_of"]
+
+# Decimals as people and shells write them and TOML does not take them: without digits before or after the point.
+_BARE_POINT = re.compile(r"(?P<before>(?<![\w.])[+-]?)\.(?=\d)")
+_TRAILING_POINT = re.compile(r"(?<![\w.])[+-]?\d+\.(?![\d.])")
 
 
 def changed(values: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
@@ -34,7 +39,7 @@ def changed(values: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
             raise SceneError(f"--set {change}: must be KEY=VALUE, e.g. object.plant.height=0.3 or scene.duration=2")
-        _set(values, keys, _value(text), change)
+        _set(values, keys, value_of(text), change)
     return values
 
 
@@ -99,10 +104,12 @@ def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:
     return tables[int(key)]
 
 
-def _value(text: str) -> Any:
-    """A value as TOML has it; what is none is a text."""
-    try:
-        found = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        return text.strip()
-    return found["value"] if len(found) == 1 else text.strip()
+def value_of(text: str) -> Any:
+    """A value as TOML has it, ``.5`` and ``2.`` as ``0.5`` and ``2.0``; what is none is a text."""
+    for written in (text, _BARE_POINT.sub(r"\g<before>0.", _TRAILING_POINT.sub(r"\g<0>0", text))):
+        try:
+            found = tomllib.loads(f"value = {written}")
+        except (ValueError, RecursionError):
+            continue
+        return found["value"] if len(found) == 1 else text.strip()
+    return text.strip()

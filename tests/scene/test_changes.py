@@ -4,6 +4,7 @@ import pytest
 
 from gasp_core import load_scene
 from gasp_core.errors import SceneError
+from gasp_core.scene.changes import value_of
 
 SCENE = """
 [scene]
@@ -63,6 +64,23 @@ def test_a_number_of_a_preset_and_a_whole_material(load):
     assert load("object.plant.material=jelly").objects[0].material.density == 1050
     mud = 'object.plant.material={ model = "elastic", density = 9, youngs_modulus = 1e3, poissons_ratio = 0.2 }'
     assert load(mud).objects[0].material.density == 9
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (".2", 0.2),
+        ("-.5e-3", -0.0005),
+        ("2.", 2.0),
+        ("1.e5", 1e5),
+        ("[0., -.5, +.25]", [0, -0.5, 0.25]),
+        ("{ height = .5 }", {"height": 0.5}),
+        ('"a .5"', "a .5"),
+        *((text, text) for text in (".hidden", "../a.5", "v1.", "1..2", "1.2.3", ".", "toy.5.ply", "1\nb=.2")),
+    ],
+)
+def test_decimals_without_digits_before_or_after_the_point_are_numbers(text, value):
+    assert value_of(text) == value
 
 
 def test_without_changes_a_scene_is_what_its_file_says(load):

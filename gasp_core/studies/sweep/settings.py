@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 from gasp_core.errors import SceneError
 from gasp_core.io.format_errors import shown
 from gasp_core.io.text_files import read_text
+from gasp_core.scene.changes import value_of
 
 __all__ = ["Setting", "settings_from_table", "settings_of"]
 
@@ -42,10 +42,7 @@ class Setting:
         """The values as TOML has them: numbers as numbers; what is neither number, text nor truth value as text."""
         found: dict[str, Any] = {}
         for key, text in self.values.items():
-            try:
-                value = tomllib.loads(f"value = {text}")["value"]
-            except (ValueError, KeyError, RecursionError):
-                value = text
+            value = value_of(text)
             found[key] = value if isinstance(value, (int, float, str, bool)) else text
         return found
 
