@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,13 +16,11 @@ from numpy.typing import NDArray
 
 from gasp_core.contract import Collider
 from gasp_core.errors import RecordingError
-from gasp_core.gaussians import Gaussians
 from gasp_core.io.atomic import replacing
 from gasp_core.io.sog import read_sog_zip
 from gasp_core.io.sog_writing import sog_members, write_members
-from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
+from gasp_core.moving.body_writing import BodyFrame, BodyWriter
 from gasp_core.moving.carriers import KINDS, files_of
-from gasp_core.moving.frames import FrameWriter, encoded_corrections
 from gasp_core.moving.grains import PackedGrains
 from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.html import write_page
@@ -111,37 +110,35 @@ def pack(
         raise RecordingError(f'{recording.path}: holds no frame yet: go on with "gasp run --resume"')
     if not error > 0:
         raise RecordingError(f"the error allowed is {error:g}: it must be above 0")
-    source = _Source.of(recording)
-    allowed = error * source.diagonal
-    quantum = _QUANTUM * allowed
     try:
         entries, solids = entries_of(colliders, np.arange(count) / recording.header.frame_rate)
     except ValueError as failure:
         raise RecordingError(f"{path}: {failure}") from failure
     refusal = f"{path}: an error of {error:g} of the diagonal cannot be kept: allow more"
     try:
-        blocks, largest = _frames(source, count, quantum, allowed, progress)
+        source = _Source.of(recording, count, error)
+        blocks, largest = _frames(recording, source, progress, count)
     except ValueError as failure:
         raise RecordingError(f"{refusal} ({failure})") from failure
-    if largest > allowed:
+    if largest > source.allowed:
         raise RecordingError(f"{refusal}, {largest / source.diagonal:.1g} at least")
     header = MotionHeader(
         frames=count,
         frames_a_block=_FRAMES_A_BLOCK,
         frame_rate=recording.header.frame_rate,
         origin=tuple(source.origin.tolist()),
-        quantum=quantum,
+        quantum=source.quantum,
         largest_error=largest,
-        alpha=None if source.bounded else map_record(recorded_maps(recording.header.maps))["alpha"],
-        bodies=source.headers,
+        alpha=None if _bounded(recording) else map_record(recorded_maps(recording.header.maps))["alpha"],
+        bodies=tuple(body.header for body in source.bodies),
         objects=source.objects,
         camera=camera,
         colliders=entries,
     )
     files = {
         f"{FOLDER}{number}/{name}": content
-        for number, carrier in enumerate(source.files)
-        for name, content in carrier.items()
+        for number, body in enumerate(source.bodies)
+        for name, content in body.files.items()
     }
     files |= {COLLIDERS + name: content for name, content in solids.items()}
     packed = {HEADER: header.encoded(), **files, **{block_name(k): block for k, block in enumerate(blocks)}}
@@ -159,53 +156,57 @@ def pack(
         motion=motion,
         frames=count,
         largest_error=largest,
-        allowed_error=allowed,
+        allowed_error=source.allowed,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Source:
-    """A recording, and its splat as whoever reads the file has it.
+class _PackedBody:
+    """A body as the file has it.
 
     Parameters
     ----------
-    order : (N,)
-        Rows of the recording as they lie in the file: object by object, what moves of it first, near by near.
+    header, files
+        What a reader makes it from.
+    writer
+        A new one, of its frames from the first on.
+    """
+
+    header: BodyHeader
+    files: dict[str, bytes]
+    writer: Callable[[], BodyWriter]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Source:
+    """What of a recording a moving splat holds before its first frame.
+
+    Parameters
+    ----------
     members
         Of the .sog.
-    held
-        The splat that it holds, in the world.
     origin : (3,) [m]
     diagonal [m]
         Of all that moves, at rest.
-    flowing
-        By the names of bodies that may flow, what they come apart into.
-    headers, files, moving
-        Of every body.
+    quantum, allowed
+        Of whole numbers, and how far means may be off [m].
+    bodies
+        That move.
     objects
         Of every object its rows of the file, the last not among them.
     """
 
-    recording: Recording
-    order: Array
     members: Mapping[str, bytes]
-    held: Gaussians
     origin: Array
     diagonal: float
-    flowing: Mapping[str, Grains]
-    headers: tuple[BodyHeader, ...]
-    files: tuple[dict[str, bytes], ...]
-    moving: tuple[MovingBody, ...]
+    quantum: float
+    allowed: float
+    bodies: tuple[_PackedBody, ...]
     objects: tuple[tuple[int, int], ...]
 
-    @property
-    def bounded(self) -> bool:
-        """Whether simplices are bounded here: whoever draws would bound what psi stretches as well."""
-        return any(body.drifts for body in self.recording.header.bodies)
-
     @classmethod
-    def of(cls, recording: Recording) -> _Source:
-        reference, bodies = recording.reference, recording.bodies
+    def of(cls, recording: Recording, count: int, error: float) -> _Source:
+        reference = recording.reference
         order, starts = _order(recording)
         means = reference.means[order]
         low, high = means.min(axis=0), means.max(axis=0)
@@ -217,33 +218,48 @@ class _Source:
         write_members(stream, members)
         splat, _ = read_sog_zip(stream.getvalue(), recording.path)
         held = place(splat, Placement(rotation=turn, scale=1.0, translation=origin))
-        flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
-        headers, files, moving = [], [], []
-        for body, entry in zip(bodies, recording.header.bodies):
-            grains = flowing.get(body.name)
-            header = _header(body, starts[entry.item], entry.drifts, grains)
-            rows = np.searchsorted(body.rows, order[header.first : header.last])
-            carrier = body.carrier
-            files.append(files_of(carrier, rows) if header.kind in KINDS else {})  # pyright: ignore[reportArgumentType]
-            if grains is not None:
-                files[-1] |= PackedGrains.files_of(grains)
-            headers.append(header)
-            moving.append(body_of(header, files[-1], held))
-        rows = np.concatenate([body.rows for body in bodies])
+        rows = np.concatenate([body.rows for body in recording.bodies])
         extent = float(np.linalg.norm(np.ptp(reference.means[rows], axis=0)))
+        # A single Gaussian has no extent but its own.
+        diagonal = extent or float(reference.scales[rows].max())
+        quantum, allowed = _QUANTUM * error * diagonal, error * diagonal
+        flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
+
+        def packed(body: Body, first: int, kind: str) -> _PackedBody:
+            grains = flowing.get(body.name)
+            header = _header(body, first, kind, grains)
+            rows = np.searchsorted(body.rows, order[header.first : header.last])
+            files = files_of(body.carrier, rows) if kind in KINDS else {}  # pyright: ignore[reportArgumentType]
+            if grains is not None:
+                files |= PackedGrains.files_of(grains)
+            moving = body_of(header, files, held)
+
+            def writer() -> BodyWriter:
+                return BodyWriter(
+                    moving=moving,
+                    rows=rows,
+                    held=held.select(moving.rows),
+                    recorded=reference.select(body.rows[rows]),
+                    quantum=quantum,
+                    allowed=allowed,
+                    grains=grains,
+                    start=recording.start_points[body.points],
+                )
+
+            return _PackedBody(header=header, files=files, writer=writer)
+
+        bodies: list[_PackedBody] = []
+        for number, (body, entry) in enumerate(zip(recording.bodies, recording.header.bodies)):
+            choices = [packed(body, starts[entry.item], kind) for kind in _kinds(body, entry.drifts)]
+            bodies.append(_shortest(choices, number, recording, count))
         return cls(
-            recording=recording,
-            order=order,
             members=members,
-            held=held,
             origin=origin,
-            # A single Gaussian has no extent but its own.
-            diagonal=extent or float(reference.scales[rows].max()),
-            flowing=flowing,
-            headers=tuple(headers),
+            diagonal=diagonal,
+            quantum=quantum,
+            allowed=allowed,
+            bodies=tuple(bodies),
             objects=tuple(pairwise([*starts, len(order)])),
-            files=tuple(files),
-            moving=tuple(moving),
         )
 
 
@@ -263,9 +279,18 @@ def _order(recording: Recording) -> tuple[Array, list[int]]:
     return np.concatenate(parts), starts
 
 
-def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> BodyHeader:
-    # What moves by itself as well is not where points alone would take it.
-    kind = body.carrier.kind if body.carrier.kind in KINDS and not drifts else "free"
+def _kinds(body: Body, drifts: bool) -> tuple[str, ...]:
+    """How it may be packed: on points, as far as these say where it goes, or each Gaussian by itself.
+
+    What psi carries on is not where points alone would take it. Where it drives, it leads the points as well, and how
+    near to their maps it keeps depends on psi.
+    """
+    if body.carrier.kind not in KINDS or (drifts and body.driven is None):
+        return ("free",)
+    return (body.carrier.kind, "free") if drifts else (body.carrier.kind,)
+
+
+def _header(body: Body, first: int, kind: str, grains: Grains | None) -> BodyHeader:
     carried = kind != "free"
     return BodyHeader(
         name=body.name,
@@ -281,39 +306,50 @@ def _header(body: Body, first: int, drifts: bool, grains: Grains | None) -> Body
 
 
 def _frames(
-    source: _Source, count: int, quantum: float, allowed: float, progress: Callable[[], None] | None
+    recording: Recording, source: _Source, progress: Callable[[], None] | None, count: int
 ) -> tuple[list[bytes], float]:
     """The blocks of so many frames, and the largest error [m]."""
-    recording = source.recording
-    writers = [FrameWriter() for _ in source.moving]
-    flows = {name: FrameWriter() for name in source.flowing}
+    writers = [body.writer() for body in source.bodies]
     blocks: list[bytearray] = []
-    largest = 0.0
     for frame in range(count):
         if frame % _FRAMES_A_BLOCK == 0:
             blocks.append(bytearray())
-        relative, shifts = recording.displacements(frame)
-        recorded = recording.bounded_simplices(frame) if source.bounded else recording.simplices(frame)
-        for body, moving, header, writer, shift in zip(
-            recording.bodies, source.moving, source.headers, writers, shifts
-        ):
-            rows = np.searchsorted(body.rows, source.order[header.first : header.last])
-            simplices = recorded[body.name][rows]
-            rest = recording.reference.select(body.rows[rows])
-            if isinstance(moving, FreeBody):
-                numbers = moving.numbers_of(simplices, rest, shift, quantum)
-            else:
-                numbers = np.round(relative[body.points] / quantum).astype(np.int64)
-            held = source.held.select(moving.rows)
-            found = moving.simplices(numbers, shift, quantum)
-            corrections = Corrections.of(found, simplices, held, rest, quantum, allowed)
-            blocks[-1] += shift.astype("<f8").tobytes() + writer.write(numbers) + encoded_corrections(corrections)
-            if body.name in flows:
-                places = recording.start_points[body.points] + relative[body.points] + shift
-                numbers = PackedGrains.numbers_of(source.flowing[body.name], places)
-                blocks[-1] += flows[body.name].write(numbers)
-            found = corrections.applied(found, held, quantum)
-            largest = max(largest, float(np.linalg.norm(found[:, 0] - simplices[:, 0], axis=1).max()))
+        for writer, found in zip(writers, _recorded(recording, frame)):
+            blocks[-1] += writer.write(found)
         if progress is not None:
             progress()
-    return [bytes(block) for block in blocks], largest
+    return [bytes(block) for block in blocks], max((writer.largest for writer in writers), default=0.0)
+
+
+def _recorded(recording: Recording, frame: int) -> list[BodyFrame]:
+    """A frame of every body."""
+    relative, shifts = recording.displacements(frame)
+    simplices = recording.bounded_simplices(frame) if _bounded(recording) else recording.simplices(frame)
+    return [
+        BodyFrame(simplices=simplices[body.name], displacements=relative[body.points], shift=shift)
+        for body, shift in zip(recording.bodies, shifts)
+    ]
+
+
+def _bounded(recording: Recording) -> bool:
+    """Whether simplices are bounded here: whoever draws would bound what psi stretches as well."""
+    return any(body.drifts for body in recording.header.bodies)
+
+
+def _shortest(choices: Sequence[_PackedBody], number: int, recording: Recording, count: int) -> _PackedBody:
+    """The one that takes least room in a few frames of body `number`: three in a row, foretold by each other, at
+    a quarter, at half and at the end of the motion."""
+    if len(choices) == 1:
+        return choices[0]
+    rows = [range(max(end - 3, 0), end) for end in sorted({max(count // 4, 1), max(count // 2, 1), count})]
+    sampled = [[_recorded(recording, frame)[number] for frame in row] for row in rows]
+
+    def size(body: _PackedBody) -> int:
+        taken = sum(map(len, body.files.values()))
+        for frames in sampled:
+            writer = body.writer()
+            written = [writer.write(frame) for frame in frames]
+            taken += len(zlib.compress(written[-1])) * count // len(sampled)
+        return taken
+
+    return min(choices, key=size)
