@@ -169,6 +169,7 @@ def test_agrees_with_gsply_where_gsply_reads(data_folder, tmp_path):
     _same(ours, theirs, np.concatenate([np.asarray(theirs.sh0)[:, None], np.asarray(theirs.shN)], axis=1))
 
 
+@pytest.mark.thorough
 def test_agrees_with_gsply_on_sog(data_folder):
     pytest.importorskip("imagecodecs")
     gsply = pytest.importorskip("gsply")
