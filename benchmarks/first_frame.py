@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from gasp_core.recording.layout import commit_folder
+from gasp_core.recording.layout import commit_key
 
 
 def run(engine: str, folder: Path, caches: Path) -> tuple[float, float]:
@@ -30,10 +30,10 @@ def run(engine: str, folder: Path, caches: Path) -> tuple[float, float]:
     }
     command = [sys.executable, "-m", "gasp_core.cli.main", "demo", "--engine", engine, "--frames", "2", "--out", folder]
     begin = time.perf_counter()
-    first, commit = None, commit_folder(folder / "toy.gasp", 1)
+    first, commit = None, folder / "toy.gasp" / commit_key(1)
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         while process.poll() is None:
-            if first is None and (commit / "zarr.json").exists():
+            if first is None and commit.exists():
                 first = time.perf_counter() - begin
             time.sleep(0.02)
     if process.returncode or first is None:

@@ -20,7 +20,7 @@ import numpy as np
 from gasp_core import Collider, Elastic, HalfSpace, MovingSplat, Sand, Scene, SplatObject, pack, simulate
 from gasp_core.accuracy.images import psnr
 from gasp_core.rendering.camera import look_at
-from gasp_core.rendering.player import camera_of, colliders_of
+from gasp_core.rendering.player import camera_of
 from gasp_core.rendering.renderers import open_renderer
 
 DATA = Path(os.environ.get("GASP_DATA") or Path(__file__).parents[1] / ".." / "shared" / "data") / "splats"
@@ -78,7 +78,7 @@ def one(name, seconds, folder):
     stem = name.replace(" ", "_")
     recording = simulate(scene, out=folder / f"{stem}.gasp", overwrite=True, progress=False)
     camera = camera_of(recording)
-    told = pack(recording, folder / f"{stem}.sog", camera=camera, colliders=colliders_of(scene))
+    told = pack(recording, folder / f"{stem}.sog", camera=camera, colliders=scene.colliders)
     page = folder / f"{stem}.html"
     pack(recording, page, camera=camera)
     splat = MovingSplat.open(folder / f"{stem}.sog")
@@ -121,7 +121,7 @@ def play(page_file, splat, kept):
     seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")) / 255.0
     told = splat.header.camera
     camera = look_at(told["position"], told["target"], width=WIDTH, height=HEIGHT, field_of_view=told["vertical_angle"])
-    ours = np.clip(open_renderer().render(splat.splats(last // 2), camera).over(np.ones(3)), 0, 1)
+    ours = np.clip(open_renderer().render(splat.drawn(last // 2), camera).over(np.ones(3)), 0, 1)
     both = (np.concatenate([seen, ours], axis=1) * 255).round().astype(np.uint8)
     Image.fromarray(both).save(kept)
     return f"{first:7.1f} {heap:7.0f} {decoding:9.1f} {painting:8.0f}  {psnr(ours, seen):7.1f}"

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from gasp_core import Elastic, EngineAccuracy, EngineChoice, Rigid, Scene, SplatObject, simulate
-from gasp_core.scene.objects import Contact
+from gasp_core.scene.body_contacts import BodyContact
 from gasp_core.simulation.splat_sources import prepare
 
 DATA = Path(os.environ.get("GASP_DATA", "../shared/data")).absolute() / "splats"
@@ -33,7 +33,7 @@ def scene_of(engine, height):
         metres_per_unit=0.3,
         position=(0, 0, 0),
         static=True,
-        collider=Contact(friction=FRICTION),
+        collider=BodyContact(friction=FRICTION),
     )
     statue = SplatObject(
         name="statue",

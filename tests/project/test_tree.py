@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import graphlib
+import importlib
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -37,3 +40,28 @@ def test_the_contract_needs_numpy_and_nothing_else_that_is_not_pythons():
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     # NumPy brings Cython's runtime along under names of its own.
     assert {name for name in told if not name.startswith("_")} - {"cython_runtime"} == {"gasp_core", "numpy"}
+
+
+def test_scripts_import_nothing_that_has_gone():
+    """Benchmarks are run by hand, and seldom: a name that has moved would be missed by nobody until then."""
+    scripts = [*(ROOT / "benchmarks").rglob("*.py"), *(ROOT / "examples").glob("*.py")]
+    assert len(scripts) > 40
+    gone: list[str] = []
+    for path in scripts:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not (isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("gasp_")):
+                continue
+            if importlib.util.find_spec(node.module.partition(".")[0]) is None:
+                continue
+            module = importlib.import_module(node.module)
+            for alias in node.names:
+                if not hasattr(module, alias.name) and not _is_module(f"{node.module}.{alias.name}"):
+                    gone.append(f"{path.relative_to(ROOT)}: {node.module}.{alias.name}")
+    assert gone == []
+
+
+def _is_module(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
