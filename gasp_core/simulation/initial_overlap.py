@@ -1,24 +1,29 @@
-"""Matter that starts within a collider: what a user has to be told of it, as a picture may not show it."""
+"""Matter that starts within a collider or another body: what a user has to be told of, as a picture may not show it."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
-from gasp_core.contract import Collider, PointProblem, Rigid, Side, SignedDistanceField
+from gasp_core.contract import Collider, ContactCondition, PointProblem, Rigid, Side, SignedDistanceField
 from gasp_core.stepping.body_shape import body_shapes
+from gasp_core.stepping.neighbours import point_distance
 from gasp_core.stepping.rigid_motion import pose_of
 
-__all__ = ["rigid_bodies_overlap", "starts_inside"]
+__all__ = ["rigid_bodies_overlap", "starts_in_another", "starts_inside"]
 
 Array = NDArray[Any]
 
 _DEPTH = 0.5
 """In cells: how far inside a collider a point may start. Walls act at nodes, and nodes are felt no finer."""
+_FULL = 0.75
+"""Of a cube a cell wide around a point: with so much of another body in it the point is a quarter of a cell deep."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _OFF = 1e-3
 """Of half a cube's width: what is no deeper in a collider lies on it."""
@@ -49,10 +54,9 @@ def starts_inside(problem: PointProblem, spacing: float, names: Sequence[str]) -
                 share = 100 * masses[own][inside].sum() / masses[own].sum()
                 # Of a field the user knows the file, which the name leads to.
                 kind = "" if isinstance(collider.shape, SignedDistanceField) else f" ({collider.shape.kind})"
-                rigid = all(isinstance(problem.materials[row], Rigid) for row in np.unique(points.material_ids[own]))
                 then = (
                     "it is pushed out, slowly, and may tilt by that"
-                    if rigid
+                    if _is_rigid(problem, own)
                     else "they stay there, or leave, and are not pushed out"
                 )
                 yield (
@@ -60,6 +64,89 @@ def starts_inside(problem: PointProblem, spacing: float, names: Sequence[str]) -
                     f"{int(inside.sum()):,} points, {share:.3g} % of its mass, start inside {name}{kind}, the deepest"
                     f" by {depth.max():.3g} m: {then}; move the object or the collider if that shows",
                 )
+
+
+def starts_in_another(problem: PointProblem, spacing: float, names: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """For each two bodies of which one starts in the other: the number of the one that does so with more of its mass,
+    and a sentence without its subject.
+
+    Two that stick to each other may: they are one from there on. Sheets fill no cell and are in nobody's way.
+
+    Parameters
+    ----------
+    problem
+        As an engine is given it.
+    spacing
+        Of its grid or cage [m].
+    names
+        Of its bodies.
+    """
+    points, masses = problem.points, problem.masses
+    numbers = np.unique(points.body_ids).tolist()
+    rows = [np.flatnonzero(points.body_ids == body) for body in numbers]
+    bodies = [_Filled.of(points.reference_positions[own], points.reference_volumes[own], spacing) for own in rows]
+    for one, other in itertools.combinations(range(len(rows)), 2):
+        contact = problem.pair_contacts.get((numbers[one], numbers[other]), problem.body_contact)
+        if contact.contact is ContactCondition.STICK:
+            continue
+        sides = [(one, other), (other, one)]
+        inside = [bodies[around].holds(bodies[own].positions) for own, around in sides]
+        shares = [
+            100 * masses[rows[own]][found].sum() / masses[rows[own]].sum() for (own, _), found in zip(sides, inside)
+        ]
+        more = int(shares[1] > shares[0])
+        if shares[more] > 0:
+            own, around = sides[more]
+            rigid = _is_rigid(problem, rows[own]) and _is_rigid(problem, rows[around])
+            then = (
+                "they are pushed apart, slowly, and may tilt by that"
+                if rigid
+                else "what is in each other stays so, or leaves, and is not pushed apart"
+            )
+            yield (
+                numbers[own],
+                f"{int(inside[more].sum()):,} points, {shares[more]:.3g} % of its mass, start inside object"
+                f' "{names[numbers[around]]}": {then}; move one of the two if that shows',
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Filled:
+    """What a body fills.
+
+    Parameters
+    ----------
+    positions : (N, 3) [m]
+        Of its points.
+    tree
+        Of these.
+    reach [m]
+        Half the width of the cubes that are looked at: a cell's, or as wide as holds eight of its points.
+    fewest
+        Points in such a cube that is full enough.
+    """
+
+    positions: Array
+    tree: KDTree
+    reach: float
+    fewest: float
+
+    @classmethod
+    def of(cls, positions: Array, volumes: Array, spacing: float) -> _Filled:
+        """Of points (N, 3) [m] that stand for volumes (N,) [m^3]."""
+        reach = max(0.5 * spacing, point_distance(positions, volumes))
+        fewest = _FULL * (2 * reach) ** 3 / float(volumes.mean())
+        return cls(positions=positions, tree=KDTree(positions), reach=reach, fewest=fewest)
+
+    def holds(self, places: Array) -> Array:
+        """Which of places (M, 3) [m] are well within it, (M,)."""
+        inside = np.zeros(len(places), dtype=bool)
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        near = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
+        if len(near):
+            counts = self.tree.query_ball_point(places[near], self.reach, p=np.inf, return_length=True)
+            inside[near] = counts >= self.fewest
+        return inside
 
 
 def rigid_bodies_overlap(problem: PointProblem) -> bool:
@@ -74,7 +161,7 @@ def rigid_bodies_overlap(problem: PointProblem) -> bool:
     boxes: list[tuple[Array, Array]] = []
     for body in np.unique(points.body_ids):
         own = np.flatnonzero(points.body_ids == body)
-        if not all(isinstance(problem.materials[row], Rigid) for row in np.unique(points.material_ids[own])):
+        if not _is_rigid(problem, own):
             continue
         places = points.reference_positions[own]
         # Of what is known by its points the cubes that these stand for: making a surface of them would take as long as
@@ -92,6 +179,11 @@ def rigid_bodies_overlap(problem: PointProblem) -> bool:
         bool((low < other_high).all() and (other_low < high).all())
         for (low, high), (other_low, other_high) in itertools.combinations(boxes, 2)
     )
+
+
+def _is_rigid(problem: PointProblem, rows: Array) -> bool:
+    """Whether some of the points, as rows or a mask, are of rigid matter alone."""
+    return all(isinstance(problem.materials[row], Rigid) for row in np.unique(problem.points.material_ids[rows]))
 
 
 def _surface(known: SignedDistanceField, center: Array) -> tuple[Array, Array]:

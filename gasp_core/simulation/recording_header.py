@@ -21,7 +21,7 @@ from gasp_core.scene.file_shapes import known_by_content
 from gasp_core.scene.model import Scene
 from gasp_core.scene.writing import motion_table, scene_to_toml
 from gasp_core.simulation.engine_choice import ChosenEngine, distribution_version
-from gasp_core.simulation.initial_overlap import starts_inside
+from gasp_core.simulation.initial_overlap import starts_in_another, starts_inside
 from gasp_core.simulation.oddities import oddities, own_contact
 from gasp_core.simulation.splat_sources import Prepared
 
@@ -70,7 +70,9 @@ def header_of(
     notes += assembly.notes
     notes += oddities(whole, prepared.objects, assembly)
     notes += own_contact(assembly.problem, chosen.descriptor)
-    inside = starts_inside(assembly.problem, assembly.spacing, assembly.colliders)
+    inside = [*starts_inside(assembly.problem, assembly.spacing, assembly.colliders)]
+    if chosen.descriptor.capabilities.bodies_meet:
+        inside += starts_in_another(assembly.problem, assembly.spacing, assembly.body_names)
     notes += [f'object "{assembly.body_names[number]}": {note}' for number, note in inside]
     return Header(
         gasp_version=distribution_version("gasp-core"),

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from gasp_core.contract import (
+    BodyContact,
     BoxShape,
     Collider,
+    ContactCondition,
     Elastic,
     HalfSpace,
     KeyframedMotion,
@@ -18,7 +20,7 @@ from gasp_core.contract import (
     SignedDistanceField,
     SphereShape,
 )
-from gasp_core.simulation.initial_overlap import rigid_bodies_overlap, starts_inside
+from gasp_core.simulation.initial_overlap import rigid_bodies_overlap, starts_in_another, starts_inside
 from gasp_core.stepping.body_shape import BodyShape
 
 FLOOR = Collider(shape=HalfSpace(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)))
@@ -122,3 +124,71 @@ def test_rigid_bodies_come_out_and_are_told_so() -> None:
 )
 def test_whether_rigid_bodies_overlap(problem: PointProblem, overlaps: bool) -> None:
     assert rigid_bodies_overlap(problem) is overlaps
+
+
+SPACING = 0.1
+SOFT = Elastic(density=1000.0, youngs_modulus=1e5, poissons_ratio=0.3)
+
+
+def cube(corner=(0.0, 0.0, 0.0), jitter=0.0):
+    """Four cells wide, two points a cell along each edge, as volume mode has them."""
+    places = (np.stack(np.meshgrid(*[np.arange(8) + 0.5] * 3), axis=-1).reshape(-1, 3)) * SPACING / 2
+    return places + corner + jitter * SPACING / 2 * np.random.default_rng(0).uniform(-1, 1, places.shape)
+
+
+def two(first, second, materials=(SOFT, SOFT), contacts=None):
+    """What is told of a body of these points, and of another of those."""
+    counts = len(first), len(second)
+    points = PointCloud(
+        reference_positions=np.concatenate([first, second]),
+        initial_velocities=np.zeros((sum(counts), 3)),
+        reference_volumes=np.full(sum(counts), (SPACING / 2) ** 3),
+        material_ids=np.repeat([0, 1], counts),
+        body_ids=np.repeat([0, 1], counts),
+    )
+    problem = PointProblem(points=points, materials=materials, pair_contacts=contacts or {})
+    return list(starts_in_another(problem, SPACING, ["left", "right"]))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_two_at_one_place_are_told(jitter):
+    ((_, line),) = two(cube(), cube(jitter=jitter))
+    count, share = line.replace(",", "").split(" points ")[0], float(line.split(", ")[1].split(" %")[0])
+    # All but those a quarter of a cell from a face, or less: the outermost layer.
+    assert int(count) >= 6**3 and share >= 100 * (6 / 8) ** 3 * 0.99
+    assert 'start inside object "' in line and "is not pushed apart" in line and "\n" not in line
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_two_that_touch_are_not_in_each_other(jitter):
+    assert two(cube(), cube((0.4, 0.0, 0.0), jitter)) == []
+    assert two(cube(), cube((0.4, 0.1, 0.03), jitter)) == []
+
+
+def test_by_half_a_cell_and_more_one_is_in_the_other():
+    ((number, line),) = two(cube(), cube((0.3, 0.05, 0.0)))
+    assert number in (0, 1) and "start inside object" in line
+
+
+def test_the_one_with_more_of_its_mass_in_the_other_is_told_of():
+    little = cube()[(np.abs(cube() - 0.2) < 0.1).all(axis=1)]
+    ((number, line),) = two(cube(), little)
+    assert number == 1 and line.startswith('64 points, 100 % of its mass, start inside object "left"')
+
+
+def test_two_that_stick_may_be_one():
+    assert two(cube(), cube(), contacts={(0, 1): BodyContact(contact=ContactCondition.STICK)}) == []
+
+
+def test_two_rigid_ones_come_apart():
+    material = Rigid(density=500.0)
+    ((_, line),) = two(cube(), cube((0.1, 0.0, 0.0)), (material, material))
+    assert "they are pushed apart, slowly" in line
+
+
+def test_a_sheet_in_a_body_is_in_its_way_and_beside_it_is_not():
+    sheet = cube()[cube()[:, 2] < SPACING / 2]
+    assert len(sheet) == 64
+    ((number, _),) = two(cube((0.0, 0.0, -0.2)), sheet)
+    assert number == 1
+    assert two(cube((0.0, 0.0, 0.05)), sheet) == []
