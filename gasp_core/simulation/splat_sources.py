@@ -9,6 +9,7 @@ from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
 from gasp_core.reduction.assembly import Assembly, assemble
 from gasp_core.reduction.transfer_operator import TransferOperator
 from gasp_core.scene.model import Scene
+from gasp_core.simulation.domain_fit import refuse_outside_domain
 
 __all__ = ["Prepared", "prepare"]
 
@@ -41,8 +42,9 @@ def prepare(
     Raises
     ------
     SceneError, SplatFormatError
-        Where a splat cannot be read, or nothing of it is left.
+        Where a splat cannot be read, nothing of it is left, or it begins outside of its domain.
     """
     placed = place_scene(scene)
     assembly = assemble(scene, placed.objects, placed.motions, known, spacing)
+    refuse_outside_domain(assembly)
     return Prepared(objects=placed.objects, digests=placed.digests, motions=placed.motions, assembly=assembly)
