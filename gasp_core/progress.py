@@ -16,7 +16,7 @@ from gasp_core.notebooks import in_notebook
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-__all__ = ["Progress", "Shown", "counting", "duration", "progress_for"]
+__all__ = ["Progress", "Shown", "counting", "duration", "progress_for", "tell"]
 
 Shown = bool | Literal["log"] | None
 """Whether there is a bar; None: on terminals and in notebooks; "log": there, and elsewhere a line now and then."""
@@ -263,3 +263,9 @@ def counting(shown: Shown, what: str, total: int) -> Generator[Callable[[], None
     with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)
+
+
+def tell(shown: Shown, sentence: str) -> None:
+    """A line beside a bar, for whoever sees that one."""
+    if shown == "log" or shown is True or (shown is None and (sys.stderr.isatty() or in_notebook())):
+        print(sentence, file=sys.stderr, flush=True)

@@ -46,8 +46,9 @@ how it ended, frames, substeps, times, memory, points; of each object the
 middle of its points at the end, the lowest and the highest of them, and how
 far one has gone at most; what you observe; distances from the reference, in
 shares of the diagonal, and when they are first beyond 1 %. Rows that are there
-stay: the same command goes on after Ctrl-C, a crash or a lost machine. Exit
-status: 0 where at least one run came to its end, else 2.
+stay: the same command goes on after Ctrl-C, a crash or a lost machine; those of
+settings that are not named again stay in FOLDER/sweep.jsonl. Exit status: 0
+where at least one run came to its end, else 2.
 """
 )
 @click.argument("scene", type=PathHere())
@@ -206,6 +207,11 @@ def _print_for_people(found: Sweep, observed: Collection[str]) -> None:
     was_there = f"; {found.kept:,} were there already" if found.kept else ""
     tables = "sweep.csv and sweep.parquet" if found.parquet else "sweep.csv (with pyarrow, sweep.parquet too)"
     click.echo(f"\n{counts}{was_there}\n{found.folder}: {tables}")
+    if found.others:
+        click.echo(
+            f"{found.others:,} rows of other settings are in sweep.jsonl alone: name their values too, and they are in"
+            " the tables, and not run again"
+        )
 
 
 def _cells(row: Row, keys: list[str], extra: list[str]) -> list[str]:

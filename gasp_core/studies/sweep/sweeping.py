@@ -14,7 +14,7 @@ from gasp_core.contract import Precision
 from gasp_core.discovery.registry import discover
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.io.atomic import replacing
-from gasp_core.progress import Shown, counting
+from gasp_core.progress import Shown, counting, tell
 from gasp_core.recording import Recording
 from gasp_core.recording.content import content_digest
 from gasp_core.recording.writer import refuse_existing
@@ -70,6 +70,8 @@ class Sweep:
         In the order of the settings.
     kept
         How many of them were there already.
+    others
+        How many rows of other settings the folder holds, in ``sweep.jsonl`` alone.
     parquet
         Whether that was written.
     """
@@ -77,6 +79,7 @@ class Sweep:
     folder: Path
     rows: tuple[Row, ...]
     kept: int
+    others: int
     parquet: bool
 
     @property
@@ -183,9 +186,10 @@ def sweep(
     measures = measures or Measures()
     # Of the reference as it is now: rows that were measured against another one of that name are none of these.
     reference = "" if measures.reference is None else content_digest(Recording.open(measures.reference))
+    scenes = {_key(each.setting): each.digest for each in plan}
     plan = [replace(each, digest=_measured(each.digest, measures, reference)) for each in plan]
     with alone_in(out):
-        ledger = _ledger(out, plan, overwrite)
+        ledger = _ledger(out, plan, scenes, overwrite)
         known = {_key(row.setting): row for row in ledger.rows}
         kept = {
             _key(each.setting)
@@ -216,6 +220,8 @@ def sweep(
         for path in old:
             # What is somebody else's is found before anything is removed.
             refuse_existing(path, overwrite=True)
+        if again := sum(key in known and known[key].status in DONE for key in waiting):
+            tell(progress, f"{again:,} rows are there without the recordings that are to be kept: they are made anew")
         table = _Table(out, plan, known)
         told: set[str] = set()
         with counting(progress, "runs", len(runs)) as counted:
@@ -223,6 +229,9 @@ def sweep(
             def begun() -> None:
                 # What was there stays until there is somebody who makes it anew.
                 ledger.begin()
+                if overwrite:
+                    # A table of rows that are no more would be taken for one of those that come.
+                    table.clear()
                 for path in old:
                     _clear(path)
                 for each in plan:
@@ -247,7 +256,13 @@ def sweep(
                         finished(outcome)
             finally:
                 parquet = table.write(0.0, parquet=True)
-    return Sweep(folder=out, rows=tuple(known[_key(each.setting)] for each in plan), kept=len(kept), parquet=parquet)
+    return Sweep(
+        folder=out,
+        rows=tuple(known[_key(each.setting)] for each in plan),
+        kept=len(kept),
+        others=len(known.keys() - scenes.keys()),
+        parquet=parquet,
+    )
 
 
 class _Table:
@@ -269,27 +284,50 @@ class _Table:
         self._written = time.monotonic()
         return parquet and write_parquet(rows, self._folder / PARQUET)
 
+    def clear(self) -> None:
+        """Remove what an earlier sweep has left.
+
+        Raises
+        ------
+        RecordingError
+            Where it may not be removed.
+        """
+        for name in (TABLE, PARQUET):
+            try:
+                (self._folder / name).unlink(missing_ok=True)
+            except OSError as error:
+                raise RecordingError(f"{self._folder / name}: cannot be removed: {error.strerror or error}") from None
+
 
 def _keep(ledger: Ledger, known: dict[str, Row], row: Row) -> None:
     ledger.add(row)
     known[_key(row.setting)] = row
 
 
-def _ledger(out: Path, plan: Sequence[Planned], overwrite: bool) -> Ledger:
-    """The rows that are there, none of them of another scene."""
+def _ledger(out: Path, plan: Sequence[Planned], scenes: Mapping[str, str], overwrite: bool) -> Ledger:
+    """The rows that are there, none of them of another scene; `scenes` are digests of those alone, by keys of settings.
+
+    Raises
+    ------
+    RecordingError
+        Where there are others.
+    """
     path = out / LEDGER
     ledger = Ledger(path, anew=overwrite)
     digests = {_key(each.setting): each.digest for each in plan}
-
-    def is_of_another(row: Row) -> bool:
-        return bool(row.scene) and digests.get(_key(row.setting)) not in (None, "", row.scene)
-
-    others = [row for row in ledger.rows if row.status in DONE and is_of_another(row)]
+    last = {_key(row.setting): row for row in ledger.rows if row.status in DONE and row.scene}
+    others = {key: row for key, row in last.items() if digests.get(key) not in (None, "", row.scene)}
     if others:
+        first = ", ".join(next(iter(others.values())).setting.changes) or "no settings"
+        then = ": choose another --out, or make all of them anew with --overwrite"
+        if all(row.scene == scenes[key] for key, row in others.items()):
+            raise RecordingError(
+                f"{path}: {len(others)} of its rows were not asked for what is to be observed now, or for distances"
+                f" from a reference, the first that of {first}{then}"
+            )
         raise RecordingError(
-            f"{path}: {len(others)} of its rows are of another scene, or of files, measures or a reference that have"
-            f" changed since, the first that of {', '.join(others[0].setting.changes) or 'no settings'}: choose another"
-            " --out, or make all of them anew with --overwrite"
+            f"{path}: {len(others)} of its rows are of another scene, or of files, measures or a reference that are"
+            f" others now, the first that of {first}{then}"
         )
     return ledger
 

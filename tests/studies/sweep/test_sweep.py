@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -112,8 +113,35 @@ def test_rows_that_are_there_stay_and_the_rest_is_done(scene, tmp_path, measured
     more = planned(scene, settings_of(["engine.options.spin=3,2,1"]))
     found = sweep(more, out, measures=measures, backend=TWO, progress=False)
     assert sorted(told()) == ["1", "2", "3"]
-    assert found.kept == 2 and found.rows[1:] == before.rows[::-1]
+    assert found.kept == 2 and found.rows[1:] == before.rows[::-1] and found.others == 0
     assert [row["engine.options.spin"] for row in rows_of(out)] == ["3", "2", "1"]
+    # Fewer are asked for: the others stay where they can be had again.
+    fewer = sweep(planned(scene, settings_of(["engine.options.spin=3"])), out, measures=measures, progress=False)
+    assert fewer.others == 2 and len(rows_of(out)) == 1
+    assert sweep(more, out, measures=measures, progress=False).kept == 3
+
+
+def test_a_table_of_rows_that_are_no_more_goes_with_them(scene, tmp_path):
+    """Whoever ends a sweep that makes all anew finds no table of the one before."""
+    out, plan = tmp_path / "out", planned(scene, settings_of(["engine.options.spin=1"]))
+    sweep(plan, out, progress=False)
+    assert (out / "sweep.csv").exists()
+
+    class Ended(Exception):
+        pass
+
+    class Nobody:
+        @contextmanager
+        def made(self, runs, limits):
+            def ended():
+                raise Ended
+                yield
+
+            yield ended()
+
+    with pytest.raises(Ended):
+        sweep(plan, out, backend=Nobody(), overwrite=True, progress=False)
+    assert [path.name for path in out.iterdir() if path.suffix in (".csv", ".parquet", ".jsonl")] == []
 
 
 def test_what_failed_is_made_again_and_what_was_refused_is_not(scene, tmp_path):
@@ -158,7 +186,7 @@ def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_pa
     observable, _ = measured
     out = tmp_path / "out"
     sweep(planned(scene, settings_of(["engine.options.spin=1"])), out, progress=False)
-    with pytest.raises(RecordingError, match="measures or a reference that have changed"):
+    with pytest.raises(RecordingError, match=r"1 of its rows were not asked for what is to be observed now"):
         sweep(
             planned(scene, settings_of(["engine.options.spin=1"])),
             out,
@@ -195,7 +223,7 @@ def test_another_reference_of_the_same_name_is_noticed(scene, tmp_path):
     assert swept().kept == 1
     for changes in (["engine.options.spin=2"], ["engine.options.spin=1", "scene.duration=0.08"]):
         made(*changes)
-        with pytest.raises(RecordingError, match="a reference that have changed since"):
+        with pytest.raises(RecordingError, match="a reference that are others now"):
             swept()
     made("engine.options.spin=2")
     assert swept(overwrite=True).rows[0].columns["rms_share"] > 0.01
@@ -247,7 +275,7 @@ def test_recordings_that_are_kept(scene, tmp_path):
 
 
 @pytest.mark.thorough
-def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept(scene, tmp_path):
+def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept(scene, tmp_path, capsys):
     """What has no frame, or no scene, has none; where nobody asks for recordings those that are there stay."""
     from gasp_core import Recording
 
@@ -256,8 +284,9 @@ def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept
     plan = planned(scene, [*settings, *settings_of(["object.toy.height=-1"])])
     before = sweep(plan, out, progress=False)
     assert [row.status for row in before.rows] == ["complete", "complete", "diverged", "refused"]
-    found = sweep(plan, out, keep=True, progress=False)
+    found = sweep(plan, out, keep=True, progress="log")
     assert found.kept == 1 and [row.status for row in found.rows] == [row.status for row in before.rows]
+    assert "3 rows are there without the recordings that are to be kept" in capsys.readouterr().err
     for row in found.rows[:3]:
         assert Recording.open(out / row.columns["recording"]).frame_count == row.columns["frames"] > 0
     again = sweep(plan, out, keep=True, progress=False)
@@ -295,6 +324,7 @@ def test_recordings_at_an_address(scene, tmp_path):
 
 KILLED = """
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from gasp_core.studies.runs import chosen_backend
 from gasp_core.studies.sweep import Measures, load_observable, planned, settings_of, sweep
@@ -321,7 +351,12 @@ def test_killed_in_the_middle_and_called_again(scene, tmp_path, measured, number
     others = {"env": os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, "stdout": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, start_new_session=True, **others)
     deadline = time.monotonic() + 60
-    while len(told()) < 2 and time.monotonic() < deadline:
+
+    def rows_there():
+        # As it lies there: a ledger that is opened takes off what is torn.
+        return (out / "sweep.jsonl").read_bytes().count(b"\n") - 1 if (out / "sweep.jsonl").exists() else 0
+
+    while rows_there() < 1 and time.monotonic() < deadline:
         time.sleep(0.05)
     os.killpg(process.pid, number)
     process.communicate(timeout=30)
