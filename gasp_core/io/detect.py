@@ -12,6 +12,7 @@ from gasp_core.errors import SplatFormatError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io.format_errors import malformed, quoted
 from gasp_core.io.memory_limit import refuse_unread
+from gasp_core.io.near_files import did_you_mean_file
 
 __all__ = ["INDICES", "READ", "WRITTEN", "read", "whole", "write"]
 
@@ -55,9 +56,9 @@ def read(path: str | PathLike[str], *, flat_axis: int = 2, level: int = 0) -> tu
     try:
         return _read(Path(fspath(path)), flat_axis, level)
     except OSError as error:
-        raise malformed(
-            path, f"cannot be read: {error.strerror or error}", "check the path and its permissions"
-        ) from error
+        near = did_you_mean_file(Path(fspath(path))) if isinstance(error, FileNotFoundError) else ""
+        remedy = f"check the path{near}" if near else "check the path and its permissions"
+        raise malformed(path, f"cannot be read: {error.strerror or error}", remedy) from error
     except MemoryError as error:
         raise malformed(path, "does not fit into memory", "give a smaller splat, or a machine with more") from error
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gasp_core.errors import RecordingError
+from gasp_core.io.near_files import did_you_mean_file
 from gasp_core.recording.checks import check_header
 from gasp_core.recording.files import short
 from gasp_core.recording.layout import Header
@@ -27,7 +28,8 @@ def read_header(path: Path) -> Header:
         node, content = read_node(path, "zarr.json")
     except FileNotFoundError:
         what = "is no recording (no zarr.json in it)" if path.exists() else "there is no such recording"
-        raise RecordingError(f"{path}: {what}: name a folder that gasp run wrote") from None
+        near = "" if path.exists() else did_you_mean_file(path)
+        raise RecordingError(f"{path}: {what}: name a folder that gasp run wrote{near}") from None
     header = Header.of(node["attributes"], path)
     # A version that damage made an earlier one must not do away with the seal.
     if (header.files or "checksum" in node["attributes"]) and not whole(content):

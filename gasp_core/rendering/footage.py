@@ -15,6 +15,7 @@ from gasp_core.dynamics.placed_scene import PlacedScene, place_scene
 from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.gaussians import Gaussians
 from gasp_core.io import read_splat
+from gasp_core.io.near_files import did_you_mean_file
 from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording import Recording
 from gasp_core.recording.addresses import local_copy
@@ -323,7 +324,7 @@ def open_footage(source: Recording | Scene | Gaussians | str | Path, up: UpAxis 
         return Still(source, up, Path("gaussians"))
     path = local_copy(source)
     if not path.exists():
-        raise RecordingError(f"{path}: there is no such recording, scene or splat file")
+        raise RecordingError(f"{path}: there is no such recording, scene or splat file{did_you_mean_file(path)}")
     if path.suffix == ".gasp" or (path / "zarr.json").exists():
         return RecordedFootage(Recording.open(path))
     if path.suffix == ".toml":

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from gasp_core.errors import SceneError
 
-__all__ = ["changed", "value_of"]
+__all__ = ["changed", "completed_decimals", "value_of"]
 
 # Decimals as people and shells write them and TOML does not take them: without digits before or after the point.
 _BARE_POINT = re.compile(r"(?P<before>(?<![\w.])[+-]?)\.(?=\d)")
@@ -106,10 +106,15 @@ def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:
 
 def value_of(text: str) -> Any:
     """A value as TOML has it, ``.5`` and ``2.`` as ``0.5`` and ``2.0``; what is none is a text."""
-    for written in (text, _BARE_POINT.sub(r"\g<before>0.", _TRAILING_POINT.sub(r"\g<0>0", text))):
+    for written in (text, completed_decimals(text)):
         try:
             found = tomllib.loads(f"value = {written}")
         except (ValueError, RecursionError):
             continue
         return found["value"] if len(found) == 1 else text.strip()
     return text.strip()
+
+
+def completed_decimals(text: str) -> str:
+    """Numbers with the digits before and after the point that TOML wants and people leave out."""
+    return _BARE_POINT.sub(r"\g<before>0.", _TRAILING_POINT.sub(r"\g<0>0", text))

@@ -21,6 +21,7 @@ from gasp_core.contract import (
 )
 from gasp_core.errors import SceneError
 from gasp_core.io.format_errors import shown
+from gasp_core.io.near_files import did_you_mean_file
 from gasp_core.io.text_files import read_text
 from gasp_core.scene.body_contacts import ContactRule
 from gasp_core.scene.changes import changed
@@ -34,6 +35,7 @@ from gasp_core.scene.schema import SCHEMA, migrated
 from gasp_core.scene.settings import CameraChoice, EngineChoice, MapChoice, RecordingChoice, Viewpoint
 from gasp_core.scene.shape_tables import path_of, read_collider, read_contact, read_shape
 from gasp_core.scene.tables import StoredTable, Table, kind_of
+from gasp_core.scene.toml_errors import explained
 from gasp_core.solid.options import SolidOptions
 
 __all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "read_stored_scene"]
@@ -97,7 +99,7 @@ def _text_of(path: Path) -> str:
     try:
         text = read_text(path, _LONGEST_SCENE)
     except FileNotFoundError:
-        raise SceneError(f"{name}: no such scene file") from None
+        raise SceneError(f"{name}: no such scene file{did_you_mean_file(path)}") from None
     except IsADirectoryError as error:
         if (path / "zarr.json").exists():
             raise SceneError(f"{name}: is a recording, and no scene file: gasp render {name} shows it") from None
@@ -185,7 +187,7 @@ def _tables(text: str, file: str, changes: Sequence[str] = ()) -> dict[str, Any]
     except RecursionError:
         raise SceneError(f"{file}: is nested too deep") from None
     except ValueError as error:
-        raise SceneError(f"{file}: is not valid TOML: {shown(error)[:200]}") from None
+        raise SceneError(f"{file}: is not valid TOML: {explained(error, text)}") from None
     values = changed(values, changes)
     _refuse_extremes(values, file)
     return values

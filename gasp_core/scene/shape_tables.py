@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gasp_core.contract import BodyContact, BoxShape, Collider, ContactCondition, HalfSpace, Shape, Side, SphereShape
+from gasp_core.io.near_files import did_you_mean_file
 from gasp_core.scene.file_shapes import FileShape, MeshShape, SplatShape
 from gasp_core.scene.objects import UP_AXES
 from gasp_core.scene.rigid_motions import read_rigid_motion
@@ -51,7 +52,9 @@ def path_of(table: Table, key: str, folder: Path | None) -> Path:
         # As it is written: what a variable stands for need not go to everybody who is shown the message.
         unset = [name for name in _VARIABLE.findall(text) if name not in os.environ]
         hint = f"{unset[0]} is not set in the environment" if unset else "relative paths start at the scene file"
-        table.fail(key, f"no such file: {_shortened(text)} ({hint})")
+        # Of a folder that somebody's environment names nothing need be told.
+        near = "" if "$" in text else did_you_mean_file(path)
+        table.fail(key, f"no such file: {_shortened(text)} ({hint}){near}")
     return path
 
 

@@ -31,6 +31,8 @@ def alone_in(folder: Path) -> Generator[None]:
     RecordingError
         Where another process holds it, or it cannot be made.
     """
+    if folder.exists() and not folder.is_dir():
+        raise RecordingError(f"{folder}: is a file, and a sweep has a folder: choose another --out")
     try:
         was_there = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
