@@ -121,7 +121,11 @@ def scene_text(splat: Path, scene: Path, *, height: float | None, material: str 
     preview, filming = f"gasp run {quoted} --preview", f"gasp run {quoted} --render {shlex.quote(f'{scene.stem}.mp4')}"
     broad = max(len(preview), len(filming))
     upright = "it stands on its widest end so" if sure else "as 3DGS writes files; it lies on its side? try another"
-    guess = "a guess: no file knows; say it" if height is None else "from its lowest Gaussian to its highest"
+    guess = (
+        "a guess: no file knows; say it"
+        if height is None
+        else "from its lowest Gaussian to its highest, but for the outermost thousandth"
+    )
     made = "a guess; gasp materials lists what there is" if material is None else "gasp materials says its numbers"
     substance = f'"{material or _MATERIAL}"'
     if getattr(find_preset(material or _MATERIAL).material, "youngs_modulus", 0.0) >= _HARD:

@@ -23,6 +23,8 @@ __all__ = ["sweep"]
 
 _MOST_SHOWN = 30
 """Rows of a table on the terminal."""
+_MOST_REFUSED = 5
+"""Settings of a preview that no scene has."""
 
 
 @click.command(
@@ -172,7 +174,7 @@ def _preview(plan: list[Planned], at_once: int, trusted: bool, *, keep: bool, as
     few, most = found.points
     rows = {
         "runs": f"{found.runs:,}, {at_once} at a time; {found.tried} of them were begun to tell the rest",
-        "refused": f"{len(found.refused):,}: {found.refused[0].reason}" if found.refused else "none",
+        "refused": f"{len(found.refused):,}, see below" if found.refused else "none",
         "points": f"{few:,} to {most:,}" if few < most else f"{few:,}",
         "memory": f"{found.memory / 1e6:,.0f} MB each",
         "disk": f"{found.disk / 1e6:,.0f} MB"
@@ -183,6 +185,10 @@ def _preview(plan: list[Planned], at_once: int, trusted: bool, *, keep: bool, as
     }
     for name, value in rows.items():
         click.echo(f"{name:9}{value}")
+    for each in found.refused[:_MOST_REFUSED]:
+        click.echo(f"\nrefused: {', '.join(each.setting.changes)}\n  {each.reason}")
+    if len(found.refused) > _MOST_REFUSED:
+        click.echo(f"\n... and {len(found.refused) - _MOST_REFUSED:,} more are refused")
 
 
 def _print_for_people(found: Sweep, observed: Collection[str]) -> None:

@@ -53,9 +53,11 @@ def test_json_and_a_table_of_settings(gasp, both, workplace):
 def test_preview_keeps_nothing(gasp, both, workplace):
     found = gasp("sweep", "scene.toml", "--set", "object.toy.height=0.3,0.4,-1", "--preview", "--jobs", "2")
     assert (found.status, found.err) == (0, "")
-    said = dict(line.split(maxsplit=1) for line in found.out.splitlines())
+    above, _, below = found.out.partition("\n\n")
+    said = dict(line.split(maxsplit=1) for line in above.splitlines())
     assert said["runs"].startswith("3, 2 at a time; 2 of them")
-    assert said["refused"].startswith("1: ") and said["points"] == "256"
+    assert below.startswith("refused: object.toy.height=-1\n  ") and "must be > 0" in below
+    assert said["refused"] == "1, see below" and said["points"] == "256"
     assert "MB each" in said["memory"] and "between" in said["time"]
     assert not (workplace / "scene.sweep").exists()
     asked = gasp("sweep", "scene.toml", "--set", "object.toy.height=0.3,0.4", "--preview", "--json", "--keep")

@@ -146,7 +146,7 @@ def compare(
         machine=_machine(at_once),
         rows=tuple(_row(run, outcome, recordings, filmed.films) for run, outcome in zip(runs, outcomes)),
         pairs=_pairs(recordings, filmed.likenesses, assembly, progress),
-        notes=(*notes_of(scene, runs), *lost, *filmed.notes),
+        notes=(*notes_of(scene, runs), *lost, *_alone(names, recordings), *filmed.notes),
     )
     masses = assembly.problem.masses
     curves: dict[str, RunCurves] = {key: curves_of(recording, masses) for key, recording in recordings.items()}
@@ -188,6 +188,16 @@ def _row(run: Run, outcome: Outcome, recordings: Mapping[str, Recording], films:
         outcome=outcome,
         film=films.get(run.key),
     )
+
+
+def _alone(asked: Sequence[str], recordings: Mapping[str, Recording]) -> tuple[str, ...]:
+    """A sentence where there is nothing to compare."""
+    if len(recordings) > 1:
+        return ()
+    if len(asked) == 1:
+        return ("one engine was asked for, so nothing is compared: name two or more, --engines A,B",)
+    who = f"only {next(iter(recordings))} has" if recordings else "no engine has"
+    return (f"nothing is compared: {who} frames to show",)
 
 
 def _pairs(

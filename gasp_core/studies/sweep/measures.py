@@ -86,7 +86,10 @@ class Measures:
         failures: list[str] = []
         for own in self.observables:
             try:
-                found[own.name] = own(recording)
+                value = own(recording)
+                found[own.name] = value if math.isfinite(value) else None
+                if not math.isfinite(value):
+                    failures.append(f"{own.name} is {value}")
             except (Exception, SystemExit) as error:  # a function of the user's may raise anything
                 found[own.name] = None
                 failures.append(f"{own.name} fails: {type(error).__name__}: {error}")

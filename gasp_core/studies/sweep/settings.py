@@ -100,7 +100,8 @@ def settings_from_table(path: Path) -> list[Setting]:
     name = shown(path)
     try:
         text = read_text(path, _LONGEST_TABLE)
-        lines = [line for line in csv.reader(text.removeprefix("\ufeff").splitlines(), skipinitialspace=True) if line]
+        reader = csv.reader(text.removeprefix("\ufeff").splitlines(), skipinitialspace=True)
+        lines = [(reader.line_num, line) for line in reader if line]
     except OSError as error:
         raise SceneError(f"{name}: cannot be read: {error.strerror or error}") from None
     except (ValueError, csv.Error) as error:
@@ -109,11 +110,13 @@ def settings_from_table(path: Path) -> list[Setting]:
         raise SceneError(
             f"{name}: has no settings: keys in the first line, e.g. accuracy.resolution, a run a line below"
         )
-    keys = [key.strip() for key in lines[0]]
+    keys = [key.strip() for key in lines[0][1]]
+    if len(keys) == 1 and ";" in keys[0]:
+        raise SceneError(f"{name}: its cells are separated by semicolons: commas are wanted, and points in numbers")
     if not all(keys) or len(set(keys)) < len(keys):
         raise SceneError(f"{name}: its first line must name keys of the scene, each once, found {', '.join(keys)}")
     found: list[Setting] = []
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in lines[1:]:
         if len(line) != len(keys):
             raise SceneError(f"{name}: line {number} has {len(line)} cells, the first {len(keys)}")
         found.append(Setting(values={key: cell.strip() for key, cell in zip(keys, line) if cell.strip()}))

@@ -25,7 +25,7 @@ from gasp_core.studies.tradeoff.measuring import measure
 from gasp_core.studies.tradeoff.plot import pictures
 from gasp_core.studies.tradeoff.reference_solution import ClosedForm, load_truth
 from gasp_core.studies.tradeoff.refining import RUNS, ladder, refine
-from gasp_core.studies.tradeoff.report import Row, Tradeoff, rows_of
+from gasp_core.studies.tradeoff.report import Row, Tradeoff, cautions, rows_of
 from gasp_core.studies.tradeoff.settings import Setting, default_resolutions, grid, scene_with
 
 __all__ = ["ClosedForm", "Row", "Setting", "Tradeoff", "default_resolutions", "grid", "load_truth", "tradeoff"]
@@ -154,7 +154,7 @@ def tradeoff(
         rows=rows,
         truth=measured_by.description(),
         machine=surroundings,
-        notes=notes,
+        notes=(*notes, *cautions(rows)),
     )
     texts = {"json": result.json_text().encode(), "csv": result.csv_text().encode()}
     for ending, content in {**texts, **pictures(result)}.items():

@@ -14,7 +14,7 @@ from gasp_core.studies.tradeoff.measuring import Measurement
 from gasp_core.studies.tradeoff.settings import Setting
 from gasp_core.studies.tradeoff.statistics import CHANCE, Summary, dominated, summary
 
-__all__ = ["HEADER", "Row", "Tradeoff", "rows_of"]
+__all__ = ["HEADER", "Row", "Tradeoff", "cautions", "rows_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,6 +170,23 @@ def rows_of(found: Sequence[Measurement], remainder: float, seed: int = 0) -> tu
     return tuple(_row(own, remainder, chances.get(index), seed) for index, own in enumerate(found))
 
 
+def cautions(rows: Sequence[Row]) -> tuple[str, ...]:
+    """What keeps a table from saying which setting is the better one: a sentence each."""
+    front = [row for row in rows if row.on_front]
+    lows = [row.error_low for row in front if row.error_low is not None]
+    highs = [row.error_high for row in front if row.error_high is not None]
+    found: list[str] = []
+    if len(front) > 1 and max(lows) <= min(highs):
+        found.append(
+            f"the errors of the {len(front)} settings on the front cannot be told apart: all may be between"
+            f" {100 * max(lows):.2g} and {100 * min(highs):.2g} %, as what they are measured by is known no better."
+            " That one of them is on it says that it is fast; finer --resolutions make a better truth"
+        )
+    if any(len(row.repeats) == 1 for row in rows):
+        found.append("each setting was timed once: how far times spread is not known, --repeats 9 says it")
+    return tuple(found)
+
+
 def _row(own: Measurement, remainder: float, beaten: float | None, seed: int) -> Row:
     if beaten is None or own.error is None:
         return Row(setting=own.setting, ending=own.ending, reason=own.reason, points=own.points)
@@ -206,7 +223,8 @@ def _cells(row: Row) -> list[str]:
         f"{100 * row.error:.3g}{' ~' if row.repeats_differ else ''}",
         f"{100 * row.error_low:.3g}..{100 * row.error_high:.3g}",
         f"{row.run.median:.3g}",
-        f"{row.run.low:.3g}..{row.run.high:.3g}",
+        # Of one run there is nothing to say how far another would be from it.
+        f"{row.run.low:.3g}..{row.run.high:.3g}" if len(row.repeats) > 1 else "-",
         f"{row.cpu.median:.3g}",
         f"{row.start.median:.3g}",
         "*" if row.on_front else "",

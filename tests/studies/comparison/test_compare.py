@@ -135,6 +135,13 @@ def test_who_crashes_takes_nobody_along_and_what_was_there_can_be_replaced(scene
     assert not (out / "away.mp4").exists()
 
 
+def test_where_there_is_nothing_to_compare_that_is_told(scene_of, tmp_path, size):
+    found = gasp.compare(scene_of(), ["ballistic"], tmp_path / "one", size=size)
+    assert found.pairs == () and any("one engine was asked for" in note for note in found.notes)
+    found = gasp.compare(scene_of(), ["ballistic", "away"], tmp_path / "two", size=size)
+    assert found.pairs == () and "nothing is compared: only ballistic has frames to show" in found.notes
+
+
 def test_what_is_nobody_s_recording_is_not_replaced(scene_of, tmp_path):
     (tmp_path / "frail.gasp").mkdir()
     (tmp_path / "frail.gasp" / "mine").write_text("precious")

@@ -64,6 +64,8 @@ def test_a_table(tmp_path):
         (b"", "has no settings"),
         (b"a,b\n", "has no settings"),
         (b"a,b\n1\n", "line 2 has 1 cells, the first 2"),
+        (b"a,b\r\n1,2\r\n\r\n# 3\r\n", "line 4 has 1 cells, the first 2"),
+        (b"a;b\n1;0,3\n", "separated by semicolons: commas are wanted"),
         (b"a,a\n1,2\n", "each once"),
         (b"a\n1\n1\n", "the same settings"),
         (b"\xff\xfe\x00", "no table of settings"),

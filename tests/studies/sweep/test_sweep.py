@@ -426,15 +426,19 @@ def test_what_no_run_can_be_made_of(scene, tmp_path):
 
 
 def test_an_observable_that_fails_is_told_in_its_row(scene, tmp_path):
-    (tmp_path / "mine.py").write_text("def tip(recording):\n    return {}['a']\ndef top(recording):\n    1 / 0\n")
-    measures = Measures(observables=tuple(load_observable(f"{tmp_path / 'mine.py'}:{name}") for name in ("tip", "top")))
+    (tmp_path / "mine.py").write_text(
+        "def tip(recording):\n    return {}['a']\ndef top(recording):\n    1 / 0\n"
+        "def mean(recording):\n    return float('nan')\n"
+    )
+    names = ("tip", "top", "mean")
+    measures = Measures(observables=tuple(load_observable(f"{tmp_path / 'mine.py'}:{name}") for name in names))
     found = sweep(planned(scene, settings_of(["engine.options.spin=1"])), tmp_path / "out", measures=measures)
     row = found.rows[0]
     assert (row.status, row.columns["not_observed"]) == (
         "complete",
-        "tip fails: KeyError: 'a'; top fails: ZeroDivisionError: division by zero",
+        "tip fails: KeyError: 'a'; top fails: ZeroDivisionError: division by zero; mean is nan",
     )
-    assert row.columns["tip"] is None and row.columns["toy.moved"] > 0
+    assert row.columns["tip"] is None and row.columns["mean"] is None and row.columns["toy.moved"] > 0
     with pytest.raises(AccuracyError, match='a column "points" already'):
         (tmp_path / "mine.py").write_text("def points(recording):\n    return 1\n")
         Measures(observables=(load_observable(f"{tmp_path / 'mine.py'}:points"),))

@@ -16,8 +16,10 @@ from hypothesis import strategies as st
 from gasp_core import Elastic, EngineAccuracy, Reduction, Scene, SplatObject, read_splat
 from gasp_core.contract import Precision
 from gasp_core.errors import AccuracyError, SceneError
+from gasp_core.studies.runs import RunStatus
 from gasp_core.studies.tradeoff import default_resolutions, grid, load_truth
 from gasp_core.studies.tradeoff.refining import expected_order, ladder
+from gasp_core.studies.tradeoff.report import HEADER, Row, Tradeoff, cautions
 from gasp_core.studies.tradeoff.richardson import remainder_of
 from gasp_core.studies.tradeoff.settings import Setting, scene_with
 from gasp_core.studies.tradeoff.statistics import dominated, summary
@@ -202,3 +204,37 @@ def test_a_filled_ball_weighs_too_much_by_half_a_cell_all_round(tmp_path):
 def test_no_truth(text, says):
     with pytest.raises(AccuracyError, match=says):
         load_truth(text)
+
+
+def row_of(error, low, high, repeats=(1.0, 1.1, 0.9), beaten=0.0):
+    setting = Setting(resolution=16, fraction=None, precision=SINGLE, substep_fraction=0.5)
+    own = summary(repeats)
+    return Row(
+        setting=setting,
+        ending=RunStatus.COMPLETE,
+        error=error,
+        error_low=low,
+        error_high=high,
+        start=own,
+        run=own,
+        cpu=own,
+        repeats=tuple(repeats),
+        beaten=beaten,
+    )
+
+
+def test_what_cannot_be_told_apart_is_said():
+    """Of those on the front alone: what is beaten is nobody's choice."""
+    close = [row_of(0.004, 0.0, 0.045), row_of(0.005, 0.0, 0.046)]
+    (said,) = cautions(close)
+    assert "errors of the 2 settings on the front cannot be told apart" in said and "between 0 and 4.5 %" in said
+    apart = [row_of(0.004, 0.003, 0.005), row_of(0.01, 0.009, 0.011)]
+    assert cautions(apart) == () == cautions([*apart[:1], row_of(0.0041, 0.003, 0.005, beaten=0.9)])
+
+
+def test_of_one_repeat_no_interval_is_shown():
+    rows = [row_of(0.004, 0.003, 0.005, repeats=(1.0,))]
+    (said,) = cautions(rows)
+    assert "timed once" in said
+    table = Tradeoff(scene="a", engine={}, rows=tuple(rows), truth={}, machine={}, notes=()).table()
+    assert table[0][HEADER.index("RUN s") + 1] == "-"
