@@ -16,7 +16,14 @@ a cell before a node (`benchmarks/stress_kernel.py`, gasp-warp-mpm):
     6 cells       10.7   8.8   6.5   4.6    3.5  2.3  1.9  3.3
 
 A bar of 2 x 2 cells that hangs on points that are led swings 42 % too far where these count once, .2 % too little where
-they count eight times; one of 4 x 4 cells 19 % too far and 1.4 % too little.
+they count eight times; one of 4 x 4 cells 19 % too far and 1.4 % too little. That was with a quarter of the stress by the
+splines' own gradient; with a half, as it is now, the column of 8 times is
+
+    2 cells thick  9.1  7.7  4.3  4.4
+    3 cells        5.4  3.2  1.7  2.2
+    6 cells        2.0  1.2   .6  1.8
+
+and the bars swing 1.2 % too far and .9 % too little.
 
 Sixteen times would be nearer there, and too firm for a bar that hangs along its axis, by 7 % of six cells. The linear
 cantilever, at rest in the plane, has its least error at eight: root of the mean square over where the plane is .8 % at
