@@ -16,8 +16,8 @@ a cell before a node (`benchmarks/stress_kernel.py`, gasp-warp-mpm):
     6 cells       10.7   8.8   6.5   4.6    3.5  2.3  1.9  3.3
 
 A bar of 2 x 2 cells that hangs on points that are led swings 42 % too far where these count once, .2 % too little where
-they count eight times; one of 4 x 4 cells 19 % too far and 1.4 % too little. That was with a quarter of the stress by the
-splines' own gradient; with a half, as it is now, the column of 8 times is
+they count eight times; one of 4 x 4 cells 19 % too far and 1.4 % too little. That was with a quarter of the stress by
+the splines' own gradient; with a half, as it is now, the column of 8 times is
 
     2 cells thick  9.1  7.7  4.3  4.4
     3 cells        5.4  3.2  1.7  2.2
