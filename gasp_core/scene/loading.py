@@ -42,6 +42,8 @@ __all__ = ["load_camera", "load_scene", "read_scene", "read_stored_motion", "rea
 
 _DRIVES: dict[str, type[Drive]] = {drive.kind: drive for drive in (Pinned, Driven, Impulse)}
 _SPLATS = (".ply", ".splat", ".spz", ".sog", ".glb", ".usdc", ".usda", ".usd", ".usdz")
+_LONGEST_CHANGES = 120
+"""Of a message: what has been set, from outside of the file."""
 _LONGEST_SCENE = 1 << 20
 _DEEPEST = 64
 _ENDLESS_KEY = re.compile(r"(?:[\w\-\"' \t]{0,40}\.){500}")
@@ -135,7 +137,24 @@ def read_scene(text: str, *, file: str, folder: Path | None, changes: Sequence[s
     changes
         As of `load_scene`.
     """
-    return _read(migrated(Table(file, "", _tables(text, file, changes)), SCHEMA), folder)
+    try:
+        return _read(migrated(Table(file, "", _tables(text, file, changes)), SCHEMA), folder)
+    except SceneError as error:
+        said, own = str(error), f"{shown(file)}: "
+        if changes and said.startswith(own) and _is_scene(text, file, folder):
+            # The fault is in none of the lines of that file.
+            told = ", ".join(map(shown, changes))
+            told = told if len(told) <= _LONGEST_CHANGES else f"{told[:_LONGEST_CHANGES]}..."
+            raise SceneError(f"{own[:-2]}, with --set {told}: {said.removeprefix(own)}") from None
+        raise
+
+
+def _is_scene(text: str, file: str, folder: Path | None) -> bool:
+    try:
+        read_scene(text, file=file, folder=folder)
+    except SceneError:
+        return False
+    return True
 
 
 def read_stored_scene(text: str, *, file: str, beside: Path | None = None) -> tuple[Scene, tuple[str, ...]]:

@@ -112,3 +112,14 @@ def test_what_cannot_be_set_is_told(load, change, says):
     with pytest.raises(SceneError, match=says) as error:
         load(change)
     assert "\n" not in str(error.value) or "frame_rate" in change
+
+
+def test_a_fault_that_was_set_is_told_with_what_was_set(load, tmp_path):
+    """And one of the file's own is not."""
+    with pytest.raises(
+        SceneError, match=r"scene\.toml, with --set object\.plant\.height=-1: object\[0\]\.height: must be > 0"
+    ):
+        load("object.plant.height=-1")
+    (tmp_path / "scene.toml").write_text(SCENE.replace("duration", "duratio"))
+    with pytest.raises(SceneError, match=r"scene\.toml: scene\.duratio: unknown key"):
+        load("object.plant.height=1")
