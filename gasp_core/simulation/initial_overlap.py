@@ -118,8 +118,6 @@ class _Filled:
     ----------
     positions : (N, 3) [m]
         Of its points.
-    tree
-        Of these.
     reach [m]
         Half the width of the cubes that are looked at: a cell's, or as wide as holds eight of its points.
     fewest
@@ -127,7 +125,6 @@ class _Filled:
     """
 
     positions: Array
-    tree: KDTree
     reach: float
     fewest: float
 
@@ -136,17 +133,23 @@ class _Filled:
         """Of points (N, 3) [m] that stand for volumes (N,) [m^3]."""
         reach = max(0.5 * spacing, point_distance(positions, volumes))
         fewest = _FULL * (2 * reach) ** 3 / float(volumes.mean())
-        return cls(positions=positions, tree=KDTree(positions), reach=reach, fewest=fewest)
+        return cls(positions=positions, reach=reach, fewest=fewest)
 
     def holds(self, places: Array) -> Array:
         """Which of places (M, 3) [m] are well within it, (M,)."""
         inside = np.zeros(len(places), dtype=bool)
-        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
-        near = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
+        near = np.flatnonzero(_within(places, self.positions.min(axis=0), self.positions.max(axis=0)))
         if len(near):
-            counts = self.tree.query_ball_point(places[near], self.reach, p=np.inf, return_length=True)
+            asked = places[near]
+            low, high = asked.min(axis=0) - self.reach, asked.max(axis=0) + self.reach
+            tree = KDTree(self.positions[_within(self.positions, low, high)])
+            counts = tree.query_ball_point(asked, self.reach, p=np.inf, return_length=True)
             inside[near] = counts >= self.fewest
         return inside
+
+
+def _within(positions: Array, low: Array, high: Array) -> Array:
+    return ((positions >= low) & (positions <= high)).all(axis=1)
 
 
 def rigid_bodies_overlap(problem: PointProblem) -> bool:
