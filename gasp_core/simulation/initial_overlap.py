@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from gasp_core.contract import Collider, ContactCondition, PointProblem, Rigid, Side, SignedDistanceField
+from gasp_core.contract import Collider, ContactCondition, PointCloud, PointProblem, Rigid, Side, SignedDistanceField
 from gasp_core.stepping.body_shape import body_shapes
 from gasp_core.stepping.neighbours import point_distance
 from gasp_core.stepping.rigid_motion import pose_of
@@ -22,8 +21,12 @@ Array = NDArray[Any]
 
 _DEPTH = 0.5
 """In cells: how far inside a collider a point may start. Walls act at nodes, and nodes are felt no finer."""
-_FULL = 0.75
-"""Of a cube a cell wide around a point: with so much of another body in it the point is a quarter of a cell deep."""
+_DEEP = 0.25
+"""In cells: how far inside another body a point has to start."""
+_NEAR = 0.75
+"""In distances of points: no farther than that, along any axis, from the nearest one a place is in a body. A half would
+do on a lattice; where points lie anyhow there are larger gaps."""
+_AROUND = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _OFF = 1e-3
 """Of half a cube's width: what is no deeper in a collider lies on it."""
@@ -84,13 +87,14 @@ def starts_in_another(problem: PointProblem, spacing: float, names: Sequence[str
     points, masses = problem.points, problem.masses
     numbers = np.unique(points.body_ids).tolist()
     rows = [np.flatnonzero(points.body_ids == body) for body in numbers]
-    bodies = [_Filled.of(points.reference_positions[own], points.reference_volumes[own], spacing) for own in rows]
     for one, other in itertools.combinations(range(len(rows)), 2):
         contact = problem.pair_contacts.get((numbers[one], numbers[other]), problem.body_contact)
         if contact.contact is ContactCondition.STICK:
             continue
         sides = [(one, other), (other, one)]
-        inside = [bodies[around].holds(bodies[own].positions) for own, around in sides]
+        inside = [
+            _deep_within(points, rows[around], points.reference_positions[rows[own]], spacing) for own, around in sides
+        ]
         shares = [
             100 * masses[rows[own]][found].sum() / masses[rows[own]].sum() for (own, _), found in zip(sides, inside)
         ]
@@ -110,46 +114,27 @@ def starts_in_another(problem: PointProblem, spacing: float, names: Sequence[str
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Filled:
-    """What a body fills.
-
-    Parameters
-    ----------
-    positions : (N, 3) [m]
-        Of its points.
-    reach [m]
-        Half the width of the cubes that are looked at: a cell's, or as wide as holds eight of its points.
-    fewest
-        Points in such a cube that is full enough.
-    """
-
-    positions: Array
-    reach: float
-    fewest: float
-
-    @classmethod
-    def of(cls, positions: Array, volumes: Array, spacing: float) -> _Filled:
-        """Of points (N, 3) [m] that stand for volumes (N,) [m^3]."""
-        reach = max(0.5 * spacing, point_distance(positions, volumes))
-        fewest = _FULL * (2 * reach) ** 3 / float(volumes.mean())
-        return cls(positions=positions, reach=reach, fewest=fewest)
-
-    def holds(self, places: Array) -> Array:
-        """Which of places (M, 3) [m] are well within it, (M,)."""
-        inside = np.zeros(len(places), dtype=bool)
-        near = np.flatnonzero(_within(places, self.positions.min(axis=0), self.positions.max(axis=0)))
-        if len(near):
-            asked = places[near]
-            low, high = asked.min(axis=0) - self.reach, asked.max(axis=0) + self.reach
-            tree = KDTree(self.positions[_within(self.positions, low, high)])
-            counts = tree.query_ball_point(asked, self.reach, p=np.inf, return_length=True)
-            inside[near] = counts >= self.fewest
-        return inside
+def _deep_within(points: PointCloud, rows: Array, places: Array, spacing: float) -> Array:
+    """Which of places (M, 3) [m] are well within what the points `rows` fill, (M,)."""
+    body = points.reference_positions[rows]
+    deep = np.flatnonzero(_within(places, body.min(axis=0), body.max(axis=0)))
+    if len(deep):
+        apart = point_distance(body, points.reference_volumes[rows])
+        near = _NEAR * apart
+        low, high = places[deep].min(axis=0), places[deep].max(axis=0)
+        tree = KDTree(body[_within(body, low - near - spacing, high + near + spacing)])
+        # At least by as much as a half is exceeded: what touches is in nothing.
+        for shift in max(_DEEP * spacing, (_NEAR - 0.5) * apart) * _AROUND:
+            distances, _ = tree.query(places[deep] + shift, p=np.inf, distance_upper_bound=near)
+            deep = deep[np.isfinite(distances)]
+    inside = np.zeros(len(places), dtype=bool)
+    inside[deep] = True
+    return inside
 
 
 def _within(positions: Array, low: Array, high: Array) -> Array:
-    return ((positions >= low) & (positions <= high)).all(axis=1)
+    inside: Array = np.all((positions >= low) & (positions <= high), axis=1)
+    return inside
 
 
 def rigid_bodies_overlap(problem: PointProblem) -> bool:

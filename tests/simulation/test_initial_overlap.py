@@ -136,7 +136,7 @@ def cube(corner=(0.0, 0.0, 0.0), jitter=0.0):
     return places + corner + jitter * SPACING / 2 * np.random.default_rng(0).uniform(-1, 1, places.shape)
 
 
-def two(first, second, materials=(SOFT, SOFT), contacts=None):
+def two(first, second, materials=(SOFT, SOFT), contacts=None, spacing=SPACING):
     """What is told of a body of these points, and of another of those."""
     counts = len(first), len(second)
     points = PointCloud(
@@ -147,14 +147,14 @@ def two(first, second, materials=(SOFT, SOFT), contacts=None):
         body_ids=np.repeat([0, 1], counts),
     )
     problem = PointProblem(points=points, materials=materials, pair_contacts=contacts or {})
-    return list(starts_in_another(problem, SPACING, ["left", "right"]))
+    return list(starts_in_another(problem, spacing, ["left", "right"]))
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.4])
 def test_two_at_one_place_are_told(jitter):
     ((_, line),) = two(cube(), cube(jitter=jitter))
     count, share = line.replace(",", "").split(" points ")[0], float(line.split(", ")[1].split(" %")[0])
-    # All but those a quarter of a cell from a face, or less: the outermost layer.
+    # All but those a quarter of a cell from a face, or less: the outermost layer at most.
     assert int(count) >= 6**3 and share >= 100 * (6 / 8) ** 3 * 0.99
     assert 'start inside object "' in line and "is not pushed apart" in line and "\n" not in line
 
@@ -163,6 +163,13 @@ def test_two_at_one_place_are_told(jitter):
 def test_two_that_touch_are_not_in_each_other(jitter):
     assert two(cube(), cube((0.4, 0.0, 0.0), jitter)) == []
     assert two(cube(), cube((0.4, 0.1, 0.03), jitter)) == []
+
+
+@pytest.mark.parametrize("spacing", [SPACING / 5, SPACING / 2])
+def test_two_that_touch_are_not_in_each_other_where_their_points_are_far_apart(spacing):
+    """As those of cores are, in cells."""
+    assert two(cube(), cube((0.4, 0.02, 0.0)), spacing=spacing) == []
+    assert len(two(cube(), cube((0.2, 0.02, 0.0)), spacing=spacing)) == 1
 
 
 def test_by_half_a_cell_and_more_one_is_in_the_other():
