@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from gasp_core.studies.sweep.measures import Measures, Observable, load_observable
+from gasp_core.studies.sweep.planning import Planned, planned
 from gasp_core.studies.sweep.settings import Setting, settings_from_table, settings_of
-from gasp_core.studies.sweep.sweeping import Planned, Sweep, planned, sweep
+from gasp_core.studies.sweep.sweeping import Sweep, sweep
 from gasp_core.studies.sweep.table import Row
 
 __all__ = [

@@ -11,7 +11,7 @@ import numpy as np
 
 from gasp_core.processes.scratch import scratch_folder
 from gasp_core.simulation.estimate import Estimate, estimate_run
-from gasp_core.studies.sweep.sweeping import Planned
+from gasp_core.studies.sweep.planning import Planned
 
 __all__ = ["Preview", "previewed"]
 

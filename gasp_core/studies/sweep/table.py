@@ -11,7 +11,7 @@ import io
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -26,6 +26,10 @@ REFUSED = "refused"
 """Status of a row whose scene is none: nothing was run."""
 DONE = frozenset({RunStatus.COMPLETE.value, RunStatus.DIVERGED.value, REFUSED})
 """Of rows that another try would not change while the scene is the same; all others are made again."""
+_OF_A_RUN = (
+    "reason", "frames", "substeps", "wall_seconds", "start_seconds", "run_seconds", "cpu_seconds", "peak_bytes",
+)  # fmt: skip
+"""Columns that no measure gives."""
 _HEAD = b'{"gasp sweep": 1}\n'
 
 
@@ -38,7 +42,9 @@ class Row:
     setting
         What was set.
     scene
-        Digest of the scene that this makes, and of its files; empty where it makes none.
+        Digest of the scene that this makes, of its files, and of what was asked of the run; empty where it makes none.
+    made_of
+        Of the scene and its files alone; empty in rows that were made before it was told.
     status
         How it ended: of `RunStatus`, or `REFUSED`.
     columns
@@ -47,11 +53,12 @@ class Row:
 
     setting: Setting
     scene: str
+    made_of: str = ""
     status: str
     columns: Mapping[str, Any]
 
     @classmethod
-    def of(cls, setting: Setting, scene: str, outcome: Outcome, recording: str) -> Row:
+    def of(cls, setting: Setting, scene: str, made_of: str, outcome: Outcome, recording: str) -> Row:
         """The row of a run that was made."""
         columns = {
             "reason": outcome.reason,
@@ -65,7 +72,12 @@ class Row:
             **outcome.found,
             "recording": recording,
         }
-        return cls(setting=setting, scene=scene, status=outcome.ending.value, columns=columns)
+        return cls(setting=setting, scene=scene, made_of=made_of, status=outcome.ending.value, columns=columns)
+
+    def measured_anew(self, scene: str, found: Mapping[str, Any]) -> Row:
+        """The same run, asked for something else."""
+        columns = {name: self.columns[name] for name in _OF_A_RUN if name in self.columns}
+        return replace(self, scene=scene, columns={**columns, **found, "recording": self.columns["recording"]})
 
     @classmethod
     def refused(cls, setting: Setting, reason: str) -> Row:
@@ -142,7 +154,10 @@ class Ledger:
         RecordingError
             Where that is full, or may not be written.
         """
-        line = {"setting": dict(row.setting.values), "scene": row.scene, "status": row.status, "columns": row.columns}
+        line = {
+            "setting": dict(row.setting.values), "scene": row.scene, "made_of": row.made_of, "status": row.status,
+            "columns": row.columns,
+        }  # fmt: skip
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open("ab") as stream:
@@ -166,6 +181,7 @@ def _row(line: Any) -> Row:
     return Row(
         setting=Setting(values=dict(setting)),
         scene=str(line["scene"]),
+        made_of=str(line.get("made_of", "")),
         status=str(line["status"]),
         columns=cast("dict[str, Any]", line["columns"]),
     )

@@ -29,6 +29,21 @@ def rows_of(folder):
         return list(csv.DictReader(stream))
 
 
+class Nobody:
+    """Makes no run."""
+
+    class Ended(Exception):
+        pass
+
+    @contextmanager
+    def made(self, runs, limits):
+        def ended():
+            raise Nobody.Ended
+            yield
+
+        yield ended() if runs else iter(())
+
+
 def test_rows_are_what_runs_by_hand_come_to(scene, tmp_path, measured):
     """To the bit, through processes and text; with distances from a run that is named."""
     observable, _ = measured
@@ -127,19 +142,7 @@ def test_a_table_of_rows_that_are_no_more_goes_with_them(scene, tmp_path):
     sweep(plan, out, progress=False)
     assert (out / "sweep.csv").exists()
 
-    class Ended(Exception):
-        pass
-
-    class Nobody:
-        @contextmanager
-        def made(self, runs, limits):
-            def ended():
-                raise Ended
-                yield
-
-            yield ended()
-
-    with pytest.raises(Ended):
+    with pytest.raises(Nobody.Ended):
         sweep(plan, out, backend=Nobody(), overwrite=True, progress=False)
     assert [path.name for path in out.iterdir() if path.suffix in (".csv", ".parquet", ".jsonl")] == []
 
@@ -186,7 +189,9 @@ def test_other_measures_are_noticed_and_an_engine_that_comes_later(scene, tmp_pa
     observable, _ = measured
     out = tmp_path / "out"
     sweep(planned(scene, settings_of(["engine.options.spin=1"])), out, progress=False)
-    with pytest.raises(RecordingError, match=r"1 of its rows were not asked for what is to be observed now"):
+    with pytest.raises(
+        RecordingError, match=r"1 of its rows were asked for other observables.*no recordings lie beside it"
+    ):
         sweep(
             planned(scene, settings_of(["engine.options.spin=1"])),
             out,
@@ -223,7 +228,7 @@ def test_another_reference_of_the_same_name_is_noticed(scene, tmp_path):
     assert swept().kept == 1
     for changes in (["engine.options.spin=2"], ["engine.options.spin=1", "scene.duration=0.08"]):
         made(*changes)
-        with pytest.raises(RecordingError, match="a reference that are others now"):
+        with pytest.raises(RecordingError, match="asked for other observables, or distances from another reference"):
             swept()
     made("engine.options.spin=2")
     assert swept(overwrite=True).rows[0].columns["rms_share"] > 0.01
@@ -272,6 +277,24 @@ def test_recordings_that_are_kept(scene, tmp_path):
     found = sweep(plan, tmp_path / "out", keep=True, progress=False)
     recording = Recording.open(tmp_path / "out" / found.rows[0].columns["recording"])
     assert recording.status == "complete" and recording.frame_count == 5
+
+
+def test_what_is_asked_later_is_asked_of_the_recordings(scene, tmp_path, measured):
+    """And no run is made: once more for what came first, and a row for which there is no recording is told of."""
+    observable, told = measured
+    out, plan = tmp_path / "out", planned(scene, settings_of(["engine.options.spin=1,2"]))
+    before = sweep(plan, out, keep=True, progress=False)
+    found = sweep(plan, out, measures=Measures(observables=(observable,)), backend=Nobody(), progress=False)
+    assert found.kept == 2 and len(told()) == 2
+    for row, earlier in zip(found.rows, before.rows):
+        assert row.columns["tip"] == row.columns["toy.highest"]
+        assert {name: value for name, value in row.columns.items() if name != "tip"} == earlier.columns
+    assert [float(row["tip"]) for row in rows_of(out)] == [row.columns["tip"] for row in found.rows]
+    again = sweep(plan, out, backend=Nobody(), progress=False)
+    assert [row.columns for row in again.rows] == [row.columns for row in before.rows]
+    shutil.rmtree(out / before.rows[1].columns["recording"])
+    with pytest.raises(RecordingError, match=r"1 of its rows were asked for other observables.*spin=2: choose"):
+        sweep(plan, out, measures=Measures(observables=(observable,)), progress=False)
 
 
 @pytest.mark.thorough
