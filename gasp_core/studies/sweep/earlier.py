@@ -64,7 +64,7 @@ def measure_anew(
     }
     if not again:
         return
-    tell(progress, f"{len(again):,} rows are measured anew, from their recordings")
+    tell(progress, f"rows that are measured anew, from their recordings: {len(again):,}")
     for key, each in again.items():
         found = measures(Recording.open(recording_of(out, key)))
         keep_row(ledger, known, known[key].measured_anew(each.digest, found))

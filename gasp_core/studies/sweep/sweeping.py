@@ -155,7 +155,7 @@ def sweep(
             # What is somebody else's is found before anything is removed.
             refuse_existing(path, overwrite=True)
         if again := sum(key in known and known[key].status in DONE for key in waiting):
-            tell(progress, f"{again:,} rows are there without the recordings that are to be kept: they are made anew")
+            tell(progress, f"rows without the recordings that are to be kept, which are made anew: {again:,}")
         table = _Table(out, plan, known)
         told: set[str] = set()
         with counting(progress, "runs", len(runs)) as counted:

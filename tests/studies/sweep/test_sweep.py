@@ -309,7 +309,7 @@ def test_a_row_whose_recording_is_not_there_is_made_again_where_it_is_to_be_kept
     assert [row.status for row in before.rows] == ["complete", "complete", "diverged", "refused"]
     found = sweep(plan, out, keep=True, progress="log")
     assert found.kept == 1 and [row.status for row in found.rows] == [row.status for row in before.rows]
-    assert "3 rows are there without the recordings that are to be kept" in capsys.readouterr().err
+    assert "rows without the recordings that are to be kept, which are made anew: 3" in capsys.readouterr().err
     for row in found.rows[:3]:
         assert Recording.open(out / row.columns["recording"]).frame_count == row.columns["frames"] > 0
     again = sweep(plan, out, keep=True, progress=False)
