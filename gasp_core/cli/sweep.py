@@ -215,8 +215,8 @@ def _print_for_people(found: Sweep, observed: Collection[str]) -> None:
     click.echo(f"\n{counts}{was_there}\n{found.folder}: {tables}")
     if found.others:
         click.echo(
-            f"rows of other settings, in sweep.jsonl alone: {found.others:,}; name their values too, and they are in the"
-            " tables, and not run again"
+            f"rows of other settings, in sweep.jsonl alone: {found.others:,}; name their values too, and they are in"
+            " the tables, and not run again"
         )
 
 
