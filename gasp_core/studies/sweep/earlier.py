@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from gasp_core.errors import RecordingError
@@ -14,26 +14,35 @@ from gasp_core.studies.sweep.measures import Measures
 from gasp_core.studies.sweep.planning import Planned, key_of
 from gasp_core.studies.sweep.table import DONE, Ledger, Row
 
-__all__ = ["RUNS", "address_of", "is_kept", "keep_row", "ledger_of", "measure_anew", "measured_digest", "recording_of"]
+__all__ = ["RUNS", "address_of", "is_kept", "keep_row", "ledger_of", "measured_anew", "measured_digest", "recording_of"]
 
 LEDGER, RUNS = "sweep.jsonl", "runs"
 
 
-def ledger_of(out: Path, plan: Sequence[Planned], scenes: Mapping[str, str], overwrite: bool) -> Ledger:
-    """The rows that are there, none of them of another scene; `scenes` are digests of those alone, by keys of settings.
+def ledger_of(
+    out: Path, plan: Sequence[Planned], scenes: Mapping[str, str], overwrite: bool
+) -> tuple[Ledger, list[Row]]:
+    """The rows that are there, none of them of another scene, and those of them that were asked for something else.
+
+    The recordings of these are there. `scenes` are digests of scenes alone, by keys of settings.
 
     Raises
     ------
     RecordingError
-        Where there are others.
+        Where there are rows of another scene, or some that were asked for something else and left no recording.
     """
     path = out / LEDGER
     ledger = Ledger(path, anew=overwrite)
     digests = {key_of(each.setting): each.digest for each in plan}
-    last = {key_of(row.setting): row for row in ledger.rows if row.status in DONE and row.scene}
-    others = {key: row for key, row in last.items() if digests.get(key) not in (None, "", row.scene)}
-    of_another = [row for key, row in others.items() if scenes[key] not in (row.made_of, row.scene)]
-    gone = [row for key, row in others.items() if not _is_there(out, key, row)]
+    last = {key_of(row.setting): row for row in ledger.rows}
+    others = [
+        (key, row)
+        for row in ledger.rows
+        if row.status in DONE and row.scene and digests.get(key := key_of(row.setting)) not in (None, "", row.scene)
+    ]
+    of_another = list({key: row for key, row in others if scenes[key] not in (row.made_of, row.scene)}.values())
+    asked_otherwise = [row for key, row in others if last[key] is row]
+    gone = [row for row in asked_otherwise if not _is_there(out, key_of(row.setting), row)]
     then = ": choose another --out, or make all of them anew with --overwrite"
     if of_another:
         raise RecordingError(
@@ -46,28 +55,19 @@ def ledger_of(out: Path, plan: Sequence[Planned], scenes: Mapping[str, str], ove
             " and no recordings lie beside it (--keep) that could be asked now, the first that of"
             f" {_told(gone[0])}{then}"
         )
-    return ledger
+    return ledger, [row for row in asked_otherwise if row.columns.get("frames")]
 
 
-def measure_anew(
-    ledger: Ledger, known: dict[str, Row], plan: Sequence[Planned], measures: Measures, out: Path, progress: Shown
-) -> None:
-    """Ask recordings that are there for what is to be measured now, where their rows were asked for something else."""
-    again = {
-        key: each
-        for each in plan
-        if (row := known.get(key := key_of(each.setting)))
-        and row.status in DONE
-        and each.digest not in ("", row.scene)
-        and row.scene
-        and row.columns.get("frames")
-    }
-    if not again:
-        return
-    tell(progress, f"rows that are measured anew, from their recordings: {len(again):,}")
-    for key, each in again.items():
-        found = measures(Recording.open(recording_of(out, key)))
-        keep_row(ledger, known, known[key].measured_anew(each.digest, found))
+def measured_anew(
+    rows: Sequence[Row], plan: Sequence[Planned], measures: Measures, out: Path, progress: Shown
+) -> Iterator[Row]:
+    """The same runs with what is to be measured now, as their recordings tell it."""
+    if rows:
+        tell(progress, f"rows that are measured anew, from their recordings: {len(rows):,}")
+    digests = {key_of(each.setting): each.digest for each in plan}
+    for row in rows:
+        key = key_of(row.setting)
+        yield row.measured_anew(digests[key], measures(Recording.open(recording_of(out, key))))
 
 
 def measured_digest(digest: str, measures: Measures, reference: str) -> str:

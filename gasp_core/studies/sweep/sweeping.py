@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gasp_core.errors import RecordingError
 from gasp_core.io.atomic import replacing
 from gasp_core.progress import Shown, counting, tell
 from gasp_core.recording import Recording
@@ -22,13 +21,13 @@ from gasp_core.studies.sweep.earlier import (
     is_kept,
     keep_row,
     ledger_of,
-    measure_anew,
+    measured_anew,
     measured_digest,
     recording_of,
 )
 from gasp_core.studies.sweep.measures import Measures
 from gasp_core.studies.sweep.planning import Planned, key_of
-from gasp_core.studies.sweep.table import DONE, REFUSED, Row, csv_text, write_parquet
+from gasp_core.studies.sweep.table import DONE, REFUSED, Row, csv_text, remove, write_parquet
 
 __all__ = ["Sweep", "sweep"]
 
@@ -122,9 +121,10 @@ def sweep(
     scenes = {key_of(each.setting): each.digest for each in plan}
     plan = [replace(each, digest=measured_digest(each.digest, measures, reference)) for each in plan]
     with alone_in(out):
-        ledger = ledger_of(out, plan, scenes, overwrite)
+        ledger, asked_otherwise = ledger_of(out, plan, scenes, overwrite)
         known = {key_of(row.setting): row for row in ledger.rows}
-        measure_anew(ledger, known, plan, measures, out, progress)
+        for row in measured_anew(asked_otherwise, plan, measures, out, progress):
+            keep_row(ledger, known, row)
         kept = {
             key_of(each.setting)
             for each in plan
@@ -227,10 +227,7 @@ class _Table:
             Where it may not be removed.
         """
         for name in (TABLE, PARQUET):
-            try:
-                (self._folder / name).unlink(missing_ok=True)
-            except OSError as error:
-                raise RecordingError(f"{self._folder / name}: cannot be removed: {error.strerror or error}") from None
+            remove(self._folder / name)
 
 
 def _clear(recording: Path) -> None:

@@ -20,7 +20,7 @@ from gasp_core.io.atomic import replacing
 from gasp_core.studies.runs import Outcome, RunStatus
 from gasp_core.studies.sweep.settings import Setting
 
-__all__ = ["DONE", "REFUSED", "Ledger", "Row", "csv_text", "write_parquet"]
+__all__ = ["DONE", "REFUSED", "Ledger", "Row", "csv_text", "remove", "write_parquet"]
 
 REFUSED = "refused"
 """Status of a row whose scene is none: nothing was run."""
@@ -141,10 +141,7 @@ class Ledger:
             Where it may not be removed.
         """
         if not self.rows:
-            try:
-                self.path.unlink(missing_ok=True)
-            except OSError as error:
-                raise RecordingError(f"{self.path}: cannot be removed: {error.strerror or error}") from None
+            remove(self.path)
 
     def add(self, row: Row) -> None:
         """Write a row, onto the disk.
@@ -172,6 +169,20 @@ class Ledger:
                 " room; the same command goes on from there"
             ) from None
         self.rows.append(row)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, if it is there.
+
+    Raises
+    ------
+    RecordingError
+        Where it may not be removed.
+    """
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be removed: {error.strerror or error}") from None
 
 
 def _row(line: Any) -> Row:
