@@ -149,6 +149,7 @@ def simulate_part(
     trust_code: bool = False,
     progress: Shown = None,
     recorded: Callable[[int], None] | None = None,
+    led: Callable[[int], None] | None = None,
 ) -> Recording:
     """`simulate` a scene that is a part of another one, its first moments, and is refused what that one is refused.
 
@@ -160,6 +161,8 @@ def simulate_part(
         What it is a part of: the same but for duration and frame rate.
     engine, out, device, precision, resume, frames, overwrite, isolate, trust_code, progress, recorded
         As of `simulate`.
+    led
+        Called with the number of each frame of which it is known where motions drive the points.
     """
     if not isinstance(scene, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise SceneError(f"a Scene is simulated, found {scene!r}: gasp_core.load_scene reads the file of one")
@@ -208,7 +211,7 @@ def simulate_part(
             # are damaged, and those after the last checkpoint, have been taken back.
             if prepared.assembly.leads and last + 1 < end:
                 with nullcontext() if writer is None else ending(writer):
-                    prepared = _with_trajectories(scene, prepared, shown)
+                    prepared = _with_trajectories(scene, prepared, shown, led or (lambda frame: None))
             opening = partial(_opened, scene, prepared.assembly, chosen, options, restart)
             begun: AbstractContextManager[EngineSession | None] = nullcontext()
             if writer is None:
@@ -236,12 +239,15 @@ def _strained(prepared: Prepared, chosen: ChosenEngine) -> Prepared:
     return dataclasses.replace(prepared, assembly=dataclasses.replace(prepared.assembly, bodies=bodies))
 
 
-def _with_trajectories(scene: Scene, prepared: Prepared, shown: Progress) -> Prepared:
+def _with_trajectories(scene: Scene, prepared: Prepared, shown: Progress, led: Callable[[int], None]) -> Prepared:
     """With where the motions of its objects drive the points."""
     assembly = prepared.assembly
-    trajectories = trajectories_of(
-        scene, assembly.leads, lambda frame, last: shown.enter(f"where matter is driven, frame {frame} of {last}")
-    )
+
+    def watch(frame: int, last: int) -> None:
+        led(frame - 1)
+        shown.enter(f"where matter is driven, frame {frame} of {last}")
+
+    trajectories = trajectories_of(scene, assembly.leads, watch)
     problem = dataclasses.replace(assembly.problem, trajectories=trajectories)
     return dataclasses.replace(prepared, assembly=dataclasses.replace(assembly, problem=problem))
 

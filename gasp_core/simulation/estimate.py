@@ -72,7 +72,7 @@ class Estimate:
     substep
         Size of the first ones [s].
     start_seconds
-        Until the first frame: splats are read, points made, the engine built.
+        Until the first frame: splats are read, points made and led through all frames, the engine built.
     engine_seconds, frame_seconds
         In substeps; in all that is done once a frame, filming included where that is asked for.
     memory
@@ -145,6 +145,7 @@ def estimate_run(
     set_up, chosen = choose_engine(scene, engine, isolate, device, precision)
     timed = _TimedEngine(chosen.opened(set_up.engine))
     ends: list[float] = []
+    led: list[float] = []
 
     def done(frame: int) -> None:
         if recorded is not None:
@@ -162,11 +163,15 @@ def estimate_run(
         trust_code=trust_code,
         progress=False,
         recorded=done,
+        led=lambda frame: led.append(perf_counter()),
     )
+    # Where motions drive the points is asked for every frame of a run before its first one.
+    leading = (led[-1] - led[0]) / (len(led) - 1) if led else 0.0
     first, *rest = timed.advances
     in_engine = sum(advance.seconds for advance in rest)
     substeps = sum(advance.report.substep_count for advance in rest)
     frames = scene.frame_count - 1
+    starting = ends[0] - begin + max(first.seconds - in_engine / len(rest), 0.0)
     # Of the short frames that were run, in the whole run's time.
     trials = frames * _SHORTER / len(rest)
     later = max(
@@ -184,7 +189,7 @@ def estimate_run(
         frames=scene.frame_count,
         substeps=round(later * trials * substeps),
         substep=max(advance.report.largest_substep for advance in rest),
-        start_seconds=ends[0] - begin + max(first.seconds - in_engine / len(rest), 0.0),
+        start_seconds=starting + (frames - _FRAMES) * leading,
         engine_seconds=later * trials * in_engine,
         frame_seconds=frames * (ends[-1] - ends[1] - in_engine) / len(rest),
         memory=usage_so_far().peak_bytes,

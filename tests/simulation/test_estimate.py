@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from time import sleep
+
 import flying_points
 import pytest
 
-from gasp_core import EngineAccuracy, Reduction
+from gasp_core import EngineAccuracy, HalfSpace, Part, PythonMotion, Reduction
 from gasp_core.errors import EngineDivergedError
 from gasp_core.simulation.estimate import estimate_run, first_moments
 
@@ -53,3 +55,21 @@ def test_what_fails_at_once_says_so(scene_of, tmp_path):
     scene = scene_of(options={"fault": "nan", "fault_time": 0.0})
     with pytest.raises(EngineDivergedError):
         estimate_run(scene, tmp_path / "trial.gasp", FLYING)
+
+
+def test_what_a_motion_takes_before_the_first_frame_is_counted_for_all_frames(scene_of, cloud, tmp_path):
+    def slow(points, s):
+        sleep(0.01)
+        return points
+
+    half = Part(name="left", region=HalfSpace(point=(0, 0, 0), normal=(1, 0, 0)), driven=True)
+    scene = scene_of(
+        cloud(60),
+        duration=4.0,
+        motion=PythonMotion(function=slow, composition="driven"),
+        parts=(half,),
+        accuracy=EngineAccuracy(resolution=8),
+    )
+    found = estimate_run(scene, tmp_path / "trial.gasp", "reference-mpm")
+    # A motion that sleeps is never faster than that.
+    assert found.start_seconds > 0.01 * scene.frame_count
