@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import click
 
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.printing import print_json
-from gasp_core.cli.run_path import RunPath
 
 __all__ = ["DAMAGED", "verify"]
 
@@ -29,18 +27,19 @@ Checksums find what copying, disks and memory do to files. Anybody can compute
 them: they do not tell who wrote a recording.
 """
 )
-@click.argument("run", type=RunPath())
+@click.argument("run", type=click.Path())
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 @most_memory_option
-def verify(run: Path, as_json: bool) -> None:
+def verify(run: str, as_json: bool) -> None:
     """Look at every file of a recording, and say what is damaged.
 
     Prints which files are damaged, which frames can be read, and how to go on.
     """
+    from gasp_core.recording.addresses import local_copy
     from gasp_core.recording.commits import numbered
     from gasp_core.recording.verifying import verify as verified
 
-    found = verified(run)
+    found = verified(local_copy(run))
     if as_json:
         print_json(dataclasses.asdict(found))
     elif found.damaged:

