@@ -59,7 +59,7 @@ def bind(
 
     gaussians, still = read_splat(splat), read_mesh_as_it_is(mesh)
     frames = {path: read_moved_vertices(path, still) for path in moved}
-    paths, earlier = paths_of_frames(splat, frames, len(moved), out, suffix, overwrite)
+    paths, earlier = paths_of_frames(splat, mesh, frames, len(moved), out, suffix, overwrite)
     turn = np.eye(3) if mesh_up is None else upright(up).T @ upright(mesh_up)
     binding = bind_to_mesh(gaussians, still.vertices @ turn.T, still.faces)
     write_frames(paths, earlier, (binding.moved(each @ turn.T) for found in frames.values() for each in found))

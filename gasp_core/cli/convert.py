@@ -13,7 +13,6 @@ from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.run_path import PathHere
 from gasp_core.cli.up_axes import UP_AXES
-from gasp_core.errors import SplatFormatError
 
 if TYPE_CHECKING:
     from gasp_core.gaussians import Gaussians
@@ -56,9 +55,7 @@ def convert(source: Path, target: Path, level: int, count: int | None, up: Any, 
     from gasp_core.io.convert import losses
     from gasp_core.io.painted_meshes import is_mesh
 
-    if source.exists() and target.exists() and source.samefile(target):
-        raise SplatFormatError(f"{target}: is the input itself: give the output another name")
-    keep_what_is_there([target], overwrite, "OUT")
+    keep_what_is_there([target], overwrite, "OUT", read=[source])
     notes: tuple[str, ...] = ()
     if is_mesh(source):
         gaussians, notes = _splat_of(source, 200_000 if count is None else count, up)

@@ -132,6 +132,8 @@ def export(
     else:
         folder, ending = out if out is not None else Path(f"{stem}_frames"), SUFFIXES[suffix or "ply"]
         refuse_a_file(folder)
+        if folder.resolve().is_relative_to(run.resolve()):
+            raise click.UsageError(f"--out {folder} lies in the recording itself: name another folder")
         read = _read(recording, as_drawn, up, ending)
         keep_what_is_there(frames_in(folder, stem=stem, suffix=ending), overwrite)
         paths, damaged = export_frames(read, frames, folder, stem=stem, suffix=ending)

@@ -86,7 +86,9 @@ def inspect(
     if solid:
         slices = slices or Path(f"{file.stem or file.name}.solid.png")
     if slices is not None:
-        keep_what_is_there([slices], overwrite, "--slices")
+        if slices.suffix.lower() != ".png":
+            raise click.UsageError(f"--slices {slices} does not end in .png")
+        keep_what_is_there([slices], overwrite, "--slices", read=[file])
     gaussians, kind = read(file, level=level)
     summary = summarise(gaussians, path=str(file), kind=kind)
     told, lines = summary.to_json(), [summary.to_text()]

@@ -21,7 +21,13 @@ _FORMATS = [name for name in SUFFIXES if name != "usd"]
 
 
 def paths_of_frames(
-    splat: Path, frames: Mapping[Path, Sized], given: int, out: Path | None, suffix: str | None, overwrite: bool
+    splat: Path,
+    still: Path,
+    frames: Mapping[Path, Sized],
+    given: int,
+    out: Path | None,
+    suffix: str | None,
+    overwrite: bool,
 ) -> tuple[list[Path], list[Path]]:
     """Where each frame goes: named after what it was read from, one alone as `out` says.
 
@@ -29,6 +35,8 @@ def paths_of_frames(
     ----------
     splat
         That was moved.
+    still
+        What moved with it, before it did.
     frames
         By the files that they are from, of which `given` were named.
     given, out, suffix, overwrite
@@ -63,7 +71,7 @@ def paths_of_frames(
         earlier = [path for stem in motions for path in frames_in(folder, stem=stem, suffix=ending)]
     if len(set(paths)) < len(names) or len(frames) < given:
         raise click.UsageError("two of MOVED have one name: their frames would have too")
-    keep_what_is_there([*paths, *earlier], overwrite)
+    keep_what_is_there([*paths, *earlier], overwrite, read=[splat, still, *frames])
     return paths, earlier
 
 

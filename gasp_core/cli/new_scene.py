@@ -69,7 +69,9 @@ def new(
     from gasp_core.scene.standing import guess_up, standing_part
 
     path = out if out is not None else Path(f"{_stem(splat)}.toml")
-    keep_what_is_there([path], overwrite)
+    if path.suffix.lower() != ".toml":
+        raise click.UsageError(f"--out {path} does not end in .toml, as scenes do")
+    keep_what_is_there([path], overwrite, read=[splat])
     gaussians, _ = read(splat)
     asked = not yes and sys.stdin.isatty() and sys.stderr.isatty()
     guessed_up, sure = guess_up(standing_part(gaussians))

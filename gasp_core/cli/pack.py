@@ -57,7 +57,7 @@ def pack(run: Path, html: bool, out: Path | None, error: float, overwrite: bool)
     path = out if out is not None else Path(f"{run.resolve().stem}{'.html' if html else _SUFFIX}")
     if path.suffix.lower() not in ((".html",) if html else (".sog", ".html")):
         raise click.UsageError(f"--out {path} does not end in {'.html' if html else '.sog or .html'}")
-    keep_what_is_there([path], overwrite)
+    keep_what_is_there([path], overwrite, read=[run])
     recording = Recording.open(run)
     if recording.frame_count == 0:
         raise RecordingError(f'{run}: holds no frame yet: go on with "gasp run --resume"')

@@ -112,7 +112,7 @@ def render(
     from gasp_core.rendering import filming
 
     paths = outs or (default_output(run, one=frame is not None, turns=turntable),)
-    keep_what_is_there(paths, overwrite)
+    keep_what_is_there(paths, overwrite, read=[run])
     good, damaged = (None, []) if frame is not None else _whole_frames(run)
     filming.render(
         run,

@@ -74,7 +74,7 @@ def export_soup(splat: Path, out: Path | None, vertices: str, shortest_edge: flo
     path = out if out is not None else Path(f"{splat.stem}.soup.ply")
     if path.suffix.lower() != ".ply":
         raise SplatFormatError(f"{path}: a soup is a .ply: name it so; other programs read it as a mesh")
-    keep_what_is_there([path], overwrite)
+    keep_what_is_there([path], overwrite, read=[splat])
     wanted: dict[str, Literal[3, 4, "auto"]] = {"auto": "auto", "3": 3, "4": 4}
     gaussians = read_splat(splat)
     found = make_soup(gaussians, vertices=wanted[vertices], shortest_edge=shortest_edge, turn=upright(up))
@@ -109,5 +109,5 @@ def import_soup(
 
     gaussians, known = read_splat(splat), read_soup(exported)
     frames = {path: read_positions(path, known) for path in moved}
-    paths, earlier = paths_of_frames(splat, frames, len(moved), out, suffix, overwrite)
+    paths, earlier = paths_of_frames(splat, exported, frames, len(moved), out, suffix, overwrite)
     write_frames(paths, earlier, (splat_of(known, gaussians, each) for found in frames.values() for each in found))

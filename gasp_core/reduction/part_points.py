@@ -223,8 +223,14 @@ def _materials(material: Material | VaryingMaterial, values: dict[str, Array]) -
     how = "exactly" if off == 0 else f"to within {100 * off:.2g} %"
     if not len(found):
         return found, rows, ""
-    spans = ", ".join(f"{name} {table[:, at].min():.3g} to {table[:, at].max():.3g}" for at, name in enumerate(names))
-    return found, rows, f"{spans}, as {len(found):,} materials, {how}"
+    spans = ", ".join(f"{name} {_span(table[:, at])}" for at, name in enumerate(names))
+    return found, rows, f"{spans}, as {len(found):,} material{'s' if len(found) > 1 else ''}, {how}"
+
+
+def _span(values: Array) -> str:
+    """The least and the greatest of them, or the one."""
+    least, greatest = f"{values.min():.3g}", f"{values.max():.3g}"
+    return least if least == greatest else f"{least} to {greatest}"
 
 
 def _told(

@@ -21,19 +21,26 @@ _LONGEST = 64 * 2**20
 """Bytes of a file of moments: half a million of them."""
 
 
-def read_rigid_motion(table: Table, folder: Path | None) -> RigidMotion:
-    """A table `motion`: steady, or moments of its own or in a file; a file's path starts at the folder."""
+def read_rigid_motion(table: Table, folder: Path | None, middle: tuple[float, float, float] | None) -> RigidMotion:
+    """A table `motion`: steady, or moments of its own or in a file; a file's path starts at the folder.
+
+    `middle` [m] is the center where none is said; a shape that has none wants one as soon as it decides something.
+    """
+    if middle is None and not table.has("center"):
+        telling = [key for key in ("file", "places", "quaternions", "angular_velocity") if table.has(key)]
+        if telling:
+            table.fail("center", f"missing: the point [m] of it, in the scene, that {telling[0]} is of")
+    center = table.vector("center", middle or (0.0, 0.0, 0.0))
     if table.has("file"):
         table.only("file", "center")
         path = Path(table.text("file"))
-        center = table.vector("center", (0.0, 0.0, 0.0))
         return read_moments(path if folder is None else folder / path, center)
     if table.has("times"):
         table.only("times", "places", "quaternions", "center")
         given: dict[str, Any] = {"times": tuple(value for (value,) in _rows(table, "times", 1))}
         given |= {key: _rows(table, key, width) for key, width in (("places", 3), ("quaternions", 4)) if table.has(key)}
-        return table.make(KeyframedMotion, {**given, "center": table.vector("center", (0.0, 0.0, 0.0))})
-    return table.build(SteadyMotion)
+        return table.make(KeyframedMotion, {**given, "center": center})
+    return table.build(SteadyMotion, center=center)
 
 
 def _rows(table: Table, key: str, width: int) -> tuple[tuple[float, ...], ...]:

@@ -113,6 +113,7 @@ def read_collider(table: Table, folder: Path | None) -> Collider:
     """A table of `[[collider]]`; paths of files start at the folder, see `path_of`."""
     kind = table.choice("shape", {**dict.fromkeys(_FORMULAS), **_FILE_SHAPES})
     shape = _read_file_shape(table, kind, folder) if kind else read_shape(table, *_CONTACT)
+    middle = shape.center if isinstance(shape, BoxShape | SphereShape) else None
     return table.make(
         Collider,
         {
@@ -120,6 +121,6 @@ def read_collider(table: Table, folder: Path | None) -> Collider:
             "contact": table.choice("contact", {way.value: way for way in ContactCondition}, "separate"),
             "friction": table.number("friction", 0.0),
             "side": table.choice("side", {side.value: side for side in Side}, "outside"),
-            "motion": read_rigid_motion(table.table("motion"), folder) if table.has("motion") else None,
+            "motion": read_rigid_motion(table.table("motion"), folder, middle) if table.has("motion") else None,
         },
     )

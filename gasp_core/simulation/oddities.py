@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gasp_core.contract import (
+    BoxShape,
     Collider,
     Elastic,
     EngineDescriptor,
+    KeyframedMotion,
+    Material,
     NeoHookean,
     PointProblem,
     Side,
     SignedDistanceField,
+    SphereShape,
 )
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.assembly import Assembly
@@ -27,6 +33,8 @@ from gasp_core.simulation.idle_acts import idle_acts
 
 __all__ = ["oddities", "own_contact"]
 
+Array = NDArray[Any]
+
 _LIGHTEST, _HEAVIEST = 5.0, 25_000.0
 """[kg/m^3]: of the lightest foam, and beyond osmium."""
 _SMALLEST, _LARGEST = 1e-3, 20.0
@@ -37,6 +45,8 @@ _LONGEST_COLLIDER = 100.0
 """[m]: a terrain is long, a table in millimetres is longer."""
 _SOFTEST = 1.0
 """Density times gravity times size over Young's modulus, from which on nothing keeps its shape under its own weight."""
+_AWAY = 1e-3
+"""[m]: what a hand measures."""
 _HAIR = 0.01
 """Of a frame: less is rounding of who wrote the duration, and nobody misses it."""
 _LEANING = 0.5
@@ -102,7 +112,12 @@ def _of_duration(scene: Scene) -> Iterator[str]:
 
 def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]:
     """A sentence where a body of a file is in another unit, and where it is thinner than what an engine's grid sees."""
-    shape = collider.shape
+    shape, motion = collider.shape, collider.motion
+    if isinstance(motion, KeyframedMotion) and isinstance(shape, BoxShape | SphereShape) and motion.places:
+        first, own = motion.places[0], shape.center
+        if motion.center == own and math.dist(first, own) > _AWAY:
+            places = " and not ".join(f"[{', '.join(f'{value:g}' for value in place)}]" for place in (first, own))
+            yield f"{name}: its motion has its middle at {places} from the start on: what moves is where that says"
     if not isinstance(shape, SignedDistanceField):
         return
     longest = shape.spacing * (max(shape.values.shape) - 1)
@@ -133,12 +148,17 @@ def _of_object(placed: PlacedObject, gravity: float) -> Iterator[str]:
     speed = math.hypot(*placed.item.velocity)
     if speed > _FASTEST:
         yield f"it starts at {speed:,.0f} m/s, faster than an airliner: velocity is in m/s"
-    for law in dict.fromkeys(laws_of(placed.item)):
-        if isinstance(law, (Elastic, NeoHookean)) and law.density * gravity * size > _SOFTEST * law.youngs_modulus:
-            yield (
-                f"with youngs_modulus = {law.youngs_modulus:g} it sinks into a heap under its own weight: it is in Pa,"
-                " rubber has 2e6; gasp materials lists more"
-            )
+    soft: dict[float, None] = {}
+    for index, law in enumerate(laws_of(placed.item)):
+        if isinstance(law, (Elastic, NeoHookean)):
+            densities, moduli = (_values(placed, index, law, name) for name in ("density", "youngs_modulus"))
+            if len(moduli) and len(densities) and np.median(densities * gravity * size / moduli) > _SOFTEST:
+                soft[float(np.median(moduli))] = None
+    for modulus in soft:
+        yield (
+            f"with youngs_modulus = {modulus:g} it sinks into a heap under its own weight: it is in Pa,"
+            " rubber has 2e6; gasp materials lists more"
+        )
     yield from _of_its_stand(placed)
 
 
@@ -159,9 +179,13 @@ def _of_its_stand(placed: PlacedObject) -> Iterator[str]:
 def _densities(placed: PlacedObject) -> Iterator[float]:
     """Those that it, or a part of it, has; the least and the greatest where it varies."""
     for index, law in enumerate(laws_of(placed.item)):
-        column = placed.fields[index].get("density")
-        if column is None:
-            yield law.density
-            continue
-        own = column[placed.moving & (placed.part_numbers == index - 1)]
+        own = _values(placed, index, law, "density")
         yield from (float(own.min()), float(own.max())) if len(own) else ()
+
+
+def _values(placed: PlacedObject, index: int, law: Material, name: str) -> Array:
+    """What a number of one of its `laws_of` is, (1,), or in each Gaussian that it is the law of."""
+    column = placed.fields[index].get(name)
+    if column is None:
+        return np.array([getattr(law, name)], dtype=np.float64)
+    return column[placed.moving & (placed.part_numbers == index - 1)]

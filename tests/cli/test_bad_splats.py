@@ -116,7 +116,7 @@ def test_numbers_that_are_none_are_told_by_inspect(gasp, workplace):
         ("out", ["out", ".ply"]),
         ("nofolder/out.ply", ["nofolder/out.ply", "No such file or directory", "choose a folder"]),
         ("toy.ply/out.ply", ["toy.ply/out.ply", "Not a directory"]),
-        ("toy.ply", ["toy.ply", "is the input itself"]),
+        ("toy.ply", ["toy.ply", "is what is read"]),
     ],
 )
 def test_target_that_cannot_be_written(refused, target, says):

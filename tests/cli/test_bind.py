@@ -60,7 +60,7 @@ def test_frames_and_another_up(cage, capsys):
         (["toy.ply", "cage.ply", "few.npy"], "is of shape (3, 3)"),
         (["toy.ply", "cage.ply", "none.npy"], "has no frame"),
         (["toy.ply", "cage.ply", "hole.npy"], "1 vertices are not finite, the first is 2 of frame 1"),
-        (["toy.ply", "cage.ply", "bent.ply", "-o", "toy.ply"], "is there already"),
+        (["toy.ply", "cage.ply", "bent.ply", "-o", "toy.ply", "--overwrite"], "toy.ply is what is read"),
         (["toy.ply", "cage.ply", "bent.ply", "bent.ply"], "two of MOVED have one name"),
         (["toy.ply", "cage.ply"], "Missing argument"),
         (["toy.ply", "toy.ply", "bent.ply"], "toy.ply"),

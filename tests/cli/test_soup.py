@@ -80,11 +80,11 @@ def test_a_motion_that_ends_early_leaves_the_earlier_one_as_it_was(splat, interr
     ("arguments", "said"),
     [
         (["export", "nowhere.ply"], "nowhere.ply"),
-        (["export", "toy.ply", "-o", "toy.ply"], "is there already"),
+        (["export", "toy.ply", "-o", "toy.ply", "--overwrite"], "toy.ply is what is read"),
         (["import", "toy.ply", "toy.ply", "toy.ply"], "is no soup as gasp wrote it"),
         (["import", "other.ply", "a.ply", "a.ply"], "is that of another splat"),
         (["import", "toy.ply", "a.ply", "a.ply", "a.ply"], "two of MOVED have one name"),
-        (["import", "toy.ply", "a.ply", "a.ply", "-o", "toy.ply"], "is there already"),
+        (["import", "toy.ply", "a.ply", "a.ply", "-o", "toy.ply", "--overwrite"], "toy.ply is what is read"),
         (["import", "toy.ply", "a.ply", "a.ply", "--format", "sog", "-o", "b.splat"], "does not end in .sog"),
         (["import", "toy.ply", "a.ply", "two.npy", "-o", "b.splat"], "b.splat is to be a folder"),
         (["import", "toy.ply", "a.ply"], "Missing argument"),

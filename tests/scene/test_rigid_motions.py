@@ -37,7 +37,7 @@ def motion_of(text, folder=None):
         ),
         (
             "motion = { times = [0, 1], places = [[0, 0, 0], [0, 0, 1]] }",
-            KeyframedMotion(times=(0, 1), places=((0, 0, 0), (0, 0, 1)), quaternions=((1, 0, 0, 0),) * 2),
+            KeyframedMotion(times=(0, 1), places=((0, 0, 0), (0, 0, 1)), center=(0, 0, 1)),
         ),
         (
             "motion = { times = [0, 1], quaternions = [[1, 0, 0, 0], [1, 0, 0, 1]], center = [0, 0, 1] }",
@@ -112,3 +112,22 @@ def test_a_motion_that_is_none_is_refused(text, wanted):
     with pytest.raises(SceneError) as caught:
         motion_of(text)
     assert wanted in str(caught.value)
+
+
+PLANE = TEXT[: TEXT.index("[[collider]]")] + '[[collider]]\nshape = "plane"\nheight = 0\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("motion = { angular_velocity = [0, 0, 1] }", "angular_velocity"),
+        ("motion = { times = [0, 1], places = [[0, 0, 0], [0, 0, 1]] }", "places"),
+        ('motion = { file = "hand.csv" }', "file"),
+    ],
+)
+def test_what_has_no_middle_of_its_own_wants_one_where_it_decides(text, key):
+    told = rf"^a\.toml: collider\[0\]\.motion\.center: missing: the point \[m\] of it, in the scene, that {key} is of$"
+    with pytest.raises(SceneError, match=told):
+        read_scene(PLANE + text, file="a.toml", folder=None)
+    straight = read_scene(PLANE + "motion = { velocity = [0, 0, 1] }", file="a.toml", folder=None)
+    assert straight.colliders[0].motion == SteadyMotion(velocity=(0, 0, 1))

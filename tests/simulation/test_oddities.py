@@ -22,11 +22,19 @@ from gasp_core import (
     Reduction,
     Rigid,
     SphereShape,
+    VaryingMaterial,
     Wind,
     simulate,
     write_splat,
 )
-from gasp_core.contract import ContactCondition, PointCloud, PointProblem, SignedDistanceField
+from gasp_core.contract import (
+    Collider,
+    ContactCondition,
+    KeyframedMotion,
+    PointCloud,
+    PointProblem,
+    SignedDistanceField,
+)
 from gasp_core.simulation.estimate import estimate_run
 from gasp_core.simulation.idle_acts import idle_acts
 from gasp_core.simulation.oddities import own_contact
@@ -42,6 +50,10 @@ def jelly(density):
     return Elastic(density=density, youngs_modulus=1e5, poissons_ratio=0.3)
 
 
+def varying(modulus):
+    return VaryingMaterial.of(Elastic, density=400, youngs_modulus=np.full(40, modulus), poissons_ratio=0.3)
+
+
 NEAR, FAR = SphereShape(center=(0, 0, 0), radius=0.3), SphereShape(center=(0, 0, -9), radius=1)
 
 
@@ -55,6 +67,7 @@ NEAR, FAR = SphereShape(center=(0, 0, 0), radius=0.3), SphereShape(center=(0, 0,
         ({"height": 1e-4}, "lengths are in metres"),
         ({"height": 30.0}, "it is 3"),
         ({"material": Elastic(density=400, youngs_modulus=200, poissons_ratio=0.3)}, "sinks into a heap under its own"),
+        ({"material": varying(200)}, "with youngs_modulus = 200 it sinks into a heap under its own"),
         ({"gravity": (0, 0, 9.81)}, "gravity = [0, 0, 9.81] pulls up: in a scene down is -z"),
         ({"gravity": (0, -9.81, 0)}, "gravity = [0, -9.81, 0] pulls sideways"),
         ({"metres_per_unit": 1000.0}, "lengths are in metres"),
@@ -90,6 +103,7 @@ def test_it_is_told_by_name(run, scene_of, tmp_path, options, says):
     "options",
     [
         {"material": jelly(400), "height": 0.4},
+        {"material": varying(1e5), "height": 0.4},
         {"drives": (Pinned(region=SphereShape(center=(0, 0, 0), radius=0.3)),)},
         # Matter may come to it until then.
         {"drives": (Pinned(region=SphereShape(center=(0, 0, -9), radius=1), start=0.1),)},
@@ -279,3 +293,12 @@ def standing_cone():
         opacities=np.ones(3000),
         harmonics=np.zeros((3000, 1, 3)),
     )
+
+
+@pytest.mark.parametrize(("place", "told"), [((1, 0, -9), True), (FAR.center, False)])
+def test_a_collider_that_its_motion_takes_elsewhere_at_once_is_told(scene_of, tmp_path, place, told):
+    motion = KeyframedMotion(times=(0,), places=(place,), center=FAR.center)
+    scene = scene_of(colliders=(Collider(shape=FAR, motion=motion),), accuracy=EngineAccuracy(resolution=8))
+    found = simulate(scene, "reference-mpm", tmp_path / "a.gasp", frames=1, progress=False).notes
+    said = "collider 1 (sphere): its motion has its middle at [1, 0, -9] and not [0, 0, -9] from the start on"
+    assert any(said in note for note in found) == told
