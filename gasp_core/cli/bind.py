@@ -53,7 +53,7 @@ def bind(
     import numpy as np
 
     from gasp_core.io import read_splat
-    from gasp_core.io.mesh_splats import bind_to_mesh
+    from gasp_core.io.mesh_splats import FAR_OFF, bind_to_mesh
     from gasp_core.io.moved_meshes import read_mesh_as_it_is, read_moved_vertices
     from gasp_core.scene.placement import upright
 
@@ -62,4 +62,7 @@ def bind(
     paths, earlier = paths_of_frames(splat, mesh, frames, len(moved), out, suffix, overwrite)
     turn = np.eye(3) if mesh_up is None else upright(up).T @ upright(mesh_up)
     binding = bind_to_mesh(gaussians, still.vertices @ turn.T, still.faces)
+    if binding.off > FAR_OFF:
+        far = f"half of the Gaussians of {splat} are {100 * binding.off:.2g} % of the diagonal of {mesh} outside of it"
+        click.echo(f"{far}: is it theirs, and does it lie as they do (--mesh-up)?", err=True)
     write_frames(paths, earlier, (binding.moved(each @ turn.T) for found in frames.values() for each in found))

@@ -7,7 +7,7 @@ vertices moves the simplex, which T^-1 makes a Gaussian of. That is exact for ev
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ _LEAST = 1e-6
 _OPACITY = 0.98
 _SLIVER = 1e-4
 """Height over length below which a face is none to go with."""
+FAR_OFF = 0.02
+"""Of the mesh's diagonal: where half of the Gaussians are farther off, a user should look; it is another thing's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +50,14 @@ class Binding:
         Rows of the mesh's vertices: the face of each.
     coefficients : (N, V, 3)
         Each vertex of the simplex is so far from the first corner in the face's frame, see `face_frames`.
+    off
+        How far half of them are from what the mesh encloses, at the least, over its diagonal.
     """
 
     gaussians: Gaussians
     corners: Array
     coefficients: Array
+    off: float = 0.0
 
     def moved(self, vertices: Array) -> Gaussians:
         """The Gaussians where the mesh's vertices are (V, 3).
@@ -161,8 +166,30 @@ def bind_to_mesh(gaussians: Gaussians, vertices: Array, faces: Array) -> Binding
         Where libigl is not installed, or something is not finite.
     """
     vertices = np.asarray(vertices, dtype=np.float64)
-    corners, _ = face_of_each(gaussians, vertices, np.asarray(faces, dtype=np.int64))
-    return _bound(gaussians, vertices, corners, choose_vertices(gaussians))
+    faces = np.asarray(faces, dtype=np.int64)
+    corners, distances = face_of_each(gaussians, vertices, faces)
+    bound = _bound(gaussians, vertices, corners, choose_vertices(gaussians))
+    return replace(bound, off=share_off(gaussians, distances, vertices, faces))
+
+
+def share_off(gaussians: Gaussians, distances: Array, vertices: Array, faces: Array) -> float:
+    """How far half of the Gaussians are from what a mesh encloses, at the least, over its diagonal.
+
+    Parameters
+    ----------
+    gaussians
+        N, in the frame and unit of the mesh.
+    distances : (N,)
+        Of their means from its faces.
+    vertices : (V, 3)
+    faces : (F, 3)
+    """
+    import igl
+
+    finding: Any = igl
+    turns = finding.fast_winding_number(vertices, faces, gaussians.means.astype(np.float64))
+    outside = np.where(np.abs(turns) < 0.5, distances, 0.0)
+    return float(np.median(outside)) / float(np.linalg.norm(np.ptp(vertices, axis=0)))
 
 
 def face_of_each(gaussians: Gaussians, vertices: Array, faces: Array) -> tuple[Array, Array]:

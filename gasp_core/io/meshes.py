@@ -55,13 +55,13 @@ class TriangleMesh:
 def read_mesh(path: Path) -> TriangleMesh:
     """The triangles of a file, those of all its parts where they stand in its scene.
 
-    Nothing else that the file names is opened: no materials, textures or buffers of other files. Triangles that are not
-    finite or have no area are left out.
+    Nothing else that the file names is opened: no materials, textures or buffers of other files. Triangles without
+    an area are left out.
 
     Raises
     ------
     SplatFormatError
-        Where it cannot be read, or no triangle is left.
+        Where it cannot be read, a vertex is not finite, or no triangle is left.
     """
 
     def joined(scene: Any) -> TriangleMesh:
@@ -128,22 +128,27 @@ def from_scene(path: Path, read: Callable[[Any], Read], *, painted: bool) -> Rea
 
 
 def whole_faces(vertices: Array, faces: Array, path: Path) -> Array:
-    """Which faces (F,) are finite and have an area.
+    """Which faces (F,) have an area.
 
     Raises
     ------
     SplatFormatError
-        Where there are too many, none is whole, or one names a vertex that is not there.
+        Where there are too many, none is whole, or one names a vertex that is not there or not finite.
     """
     name = shown(path)
     if len(faces) > _MOST_FACES:
         raise SplatFormatError(f"{name}: has {len(faces):,} triangles: decimate it to {_MOST_FACES:,} at most")
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise SplatFormatError(f"{name}: its triangles name vertices that are not there: the file is damaged")
-    corners = vertices[faces]
+    used = np.unique(faces)
+    bad = used[~np.isfinite(vertices[used]).all(axis=1)]
+    if len(bad):
+        # Left out, they would leave holes that nobody made.
+        what = "vertex is" if len(bad) == 1 else "vertices are"
+        raise SplatFormatError(f"{name}: {len(bad):,} {what} not finite, the first is {bad[0]:,}: mend the mesh")
     with np.errstate(over="ignore", invalid="ignore"):
         areas = face_areas(vertices, faces)
-    whole = np.isfinite(corners).all(axis=(1, 2)) & np.isfinite(areas) & (areas > 0)
+    whole = np.isfinite(areas) & (areas > 0)
     if not whole.any():
         raise no_triangles(path)
     return whole

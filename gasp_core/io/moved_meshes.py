@@ -22,7 +22,7 @@ def read_mesh_as_it_is(path: Path) -> TriangleMesh:
 
     Of an .obj with texture coordinates that is not the order of the file: along the seams of its map a vertex is two.
 
-    Triangles that are not finite or have no area are left out.
+    Triangles without an area are left out.
 
     Raises
     ------

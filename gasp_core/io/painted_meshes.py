@@ -110,13 +110,13 @@ def is_mesh(path: Path) -> bool:
 def read_painted_mesh(path: Path) -> PaintedMesh:
     """The triangles of a file, those of all its parts where they stand in its scene, and their colours.
 
-    Textures and materials are looked for beside the file and below, nowhere else. Triangles that are not finite or have
-    no area are left out.
+    Textures and materials are looked for beside the file and below, nowhere else. Triangles without an area are left
+    out.
 
     Raises
     ------
     SplatFormatError
-        Where it cannot be read, or no triangle is left.
+        Where it cannot be read, a vertex is not finite, or no triangle is left.
     """
 
     def parts(scene: Any) -> list[_Part]:

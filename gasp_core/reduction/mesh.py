@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.errors import SceneError
-from gasp_core.io.mesh_splats import face_frames, face_of_each, in_face_frames
+from gasp_core.io.mesh_splats import FAR_OFF, face_frames, face_of_each, in_face_frames, share_off
 from gasp_core.quantities import volume_told
 from gasp_core.reduction.affine_fits import affine_fits
 from gasp_core.reduction.all_vertices import Block
@@ -33,8 +33,8 @@ Array = NDArray[Any]
 
 _FEWEST_CELLS, _MOST_CELLS = 16, 512
 """Of the grid of distances to a mesh, along it."""
-_OFF, _ELSEWHERE = 0.02, 0.5
-"""Of the mesh's diagonal: where half of the Gaussians are farther off, a user should look; it is another thing's."""
+_ELSEWHERE = 0.5
+"""Of the mesh's diagonal, that half of the Gaussians are off its faces: it is another thing's."""
 _APART = 1.0
 """Cells between vertices of a sheet beyond which nothing holds them together."""
 _THIN = 1e-6
@@ -150,7 +150,7 @@ def sample_mesh(block: Block, mesh: PlacedMesh, spacing: float, name: str, known
     """
     vertices = mesh.vertices - block.centre
     corners, distances = face_of_each(block.local, vertices, mesh.faces)
-    off = float(np.median(distances)) / float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    off = share_off(block.local, distances, vertices, mesh.faces)
     if off > _ELSEWHERE:
         raise SceneError(
             f'object "{name}": half of its Gaussians are {off:.2g} diagonals of its mesh away from it: both are to have'
@@ -225,6 +225,6 @@ def _notes(mesh: PlacedMesh, carrier: OnFaces, volume: float, spacing: float, of
             f"vertices of its mesh are up to {apart:.2g} cells apart, and engines with a grid tear what is: subdivide"
             " it, or take larger cells"
         )
-    if off > _OFF:
-        found.append(f"half of its Gaussians are {100 * off:.2g} % of the mesh's diagonal off its faces: is it theirs?")
+    if off > FAR_OFF:
+        found.append(f"half of its Gaussians are {100 * off:.2g} % of the mesh's diagonal outside of it: is it theirs?")
     return found

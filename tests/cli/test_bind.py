@@ -41,6 +41,16 @@ def test_a_mesh_that_was_moved(cage, capsys):
     assert np.abs(found.covariances() - expected).max() < 1e-5 * np.abs(expected).max()
 
 
+def test_a_mesh_that_lies_elsewhere_is_told_of(cage, capsys):
+    """Its own, around it, is not: however far its faces are."""
+    for mesh, told in (
+        ("cage.ply", ""),
+        ("upright.ply", "% of the diagonal of upright.ply outside of it: is it theirs"),
+    ):
+        assert main(["bind", "toy.ply", mesh, mesh, "--overwrite"]) == 0
+        assert told in (said := capsys.readouterr().err) and bool(told) == bool(said)
+
+
 def test_frames_and_another_up(cage, capsys):
     lifts = np.linspace(0, 1, 3)[:, None, None] * np.array([0, 0, 1.0])
     np.save("lifted.npy", np.asarray(cage.vertices) + lifts)

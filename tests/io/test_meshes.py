@@ -7,6 +7,8 @@ import pytest
 
 from gasp_core.errors import SplatFormatError
 from gasp_core.io.meshes import MESH_SUFFIXES, read_mesh
+from gasp_core.io.moved_meshes import read_mesh_as_it_is
+from gasp_core.io.painted_meshes import read_painted_mesh
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -80,3 +82,17 @@ def test_what_has_no_end_is_no_mesh(tmp_path):
     os.mkfifo(tmp_path / "endless.obj")
     with pytest.raises(SplatFormatError, match="is no ordinary file"):
         read_mesh(tmp_path / "endless.obj")
+
+
+def test_vertices_that_are_not_finite_leave_no_hole_behind(tmp_path):
+    """Left out with their faces they would open a closed body."""
+    ball = trimesh.creation.icosphere(1)
+    lines = ball.export(file_type="obj").splitlines()
+    first = next(row for row, line in enumerate(lines) if line.startswith("v "))
+    lines[first + 3] = "v nan 0 0"
+    (tmp_path / "ball.obj").write_text("\n".join(lines))
+    for read in (read_mesh, read_painted_mesh, read_mesh_as_it_is):
+        with pytest.raises(
+            SplatFormatError, match=r"ball\.obj: 1 vertex is not finite, the first is \d+: mend the mesh"
+        ):
+            read(tmp_path / "ball.obj")

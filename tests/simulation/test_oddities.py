@@ -300,5 +300,5 @@ def test_a_collider_that_its_motion_takes_elsewhere_at_once_is_told(scene_of, tm
     motion = KeyframedMotion(times=(0,), places=(place,), center=FAR.center)
     scene = scene_of(colliders=(Collider(shape=FAR, motion=motion),), accuracy=EngineAccuracy(resolution=8))
     found = simulate(scene, "reference-mpm", tmp_path / "a.gasp", frames=1, progress=False).notes
-    said = "collider 1 (sphere): its motion has its middle at [1, 0, -9] and not [0, 0, -9] from the start on"
+    said = "collider 1: its motion has its middle at [1, 0, -9] and not [0, 0, -9] from the start on"
     assert any(said in note for note in found) == told
