@@ -33,6 +33,7 @@ _PREVIEW_CELLS = 12
 _PREVIEW_SECONDS = 2.0
 _PREVIEW_RATE = 12.5
 _PREVIEW_SIZE = (640, 360)
+_FILMS = (".mp4", ".webm", ".gif", ".png")
 
 
 @click.command(
@@ -138,6 +139,8 @@ def run(
         raise click.UsageError("--preview has a place of its own: leave --resume, --out and --dry-run out")
     if dry_run and (resume or frames is not None):
         raise click.UsageError("--dry-run is about the whole run: leave --resume and --frames out")
+    if out is not None and out.suffix.lower() in _FILMS:
+        raise click.UsageError(f"--out {out} is where frames are kept, a folder: --render {out.name} films them")
     from gasp_core import simulate
     from gasp_core.recording.address_names import address_of, path_here
 

@@ -26,7 +26,7 @@ _FAR = 5.0
 
 
 def frame_files(folder: Path) -> list[Path]:
-    """The splats of a folder in the natural order of their names: 2 before 10; hidden files are left out.
+    """The splats of a folder in the natural order of their names: 2 before 10; what systems hide is left out.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def frame_files(folder: Path) -> list[Path]:
         raise SplatFormatError(f"{folder}: is no folder: a motion of frames wants one, with a splat for each frame")
     if (folder / "meta.json").exists():
         raise SplatFormatError(f"{folder}: is one splat (SOG), not a folder of frames: name the folder it lies in")
-    files = sorted((entry for entry in folder.iterdir() if not entry.name.startswith(".")), key=_natural)
+    files = sorted((entry for entry in folder.iterdir() if not _hidden(entry)), key=_natural)
     if not files:
         raise SplatFormatError(f"{folder}: is empty: put a splat for each frame into it")
     kinds = {"".join(file.suffixes[-2:]).lower() if _compressed(file) else file.suffix.lower(): file for file in files}
@@ -171,6 +171,10 @@ def _distance(means: Array, pairs: Array) -> float:
 def _natural(path: Path) -> list[tuple[int, str]]:
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def _hidden(entry: Path) -> bool:
+    return entry.name.startswith(".") or entry.name.lower() in ("thumbs.db", "desktop.ini")
 
 
 def _compressed(file: Path) -> bool:

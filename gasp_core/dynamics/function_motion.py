@@ -37,7 +37,7 @@ def load_function(text: str | Function) -> Function:
     name, _, attribute = text.rpartition(":")
     try:
         module = _module_of(Path(name)) if name.endswith(".py") else importlib.import_module(name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SceneError(f"motion {text}: cannot be imported: {_said(error)}") from error
     function = getattr(module, attribute, None)
     if not callable(function):
@@ -82,7 +82,7 @@ class CallableMotion:
         try:
             # A copy each time: functions like to work in place.
             moved = np.array(self._function(self._rest.copy(), time), dtype=np.float64)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise SceneError(f"{where}: {_said(error)}") from error
         if moved.shape != self._rest.shape:
             raise SceneError(f"{where}: gave an array of shape {moved.shape}, expected {self._rest.shape}")

@@ -243,6 +243,8 @@ class Recording(ShownInNotebooks):
         RecordingError
             Where there is no such frame, or its commit is missing or damaged.
         """
+        if isinstance(frame, str) or int(frame) != frame:  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise RecordingError(f"{self.path}: a frame is a whole number, found {frame!r}")
         count, frame = self.frame_count, int(frame)
         if not 0 <= frame < count and frame not in (*self.lost, *self.torn):
             raise RecordingError(f"{self.path}: has no frame {frame}, its frames are 0 to {count - 1}")

@@ -341,6 +341,7 @@ def _arrays(
 def refuse_existing(path: Path, overwrite: bool) -> bool:
     """Whether a recording is to be replaced; refuses all else that is in the way."""
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        _refuse_unwritable(path)
         return False
     try:
         recording = path.is_dir() and read_node(path, "zarr.json")[0]["attributes"].get("format") == FORMAT
@@ -357,6 +358,15 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
         raise RecordingError(f"{foreign}: is not of the recording around it, which is not replaced: move it away")
     os.close(_locked(path))
     return True
+
+
+def _refuse_unwritable(path: Path) -> None:
+    """Refuse a place where no folder can be made, before anything is made for it."""
+    above = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not above.is_dir():
+        raise RecordingError(f"{path}: cannot be written: {above} is a file, and no folder")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise RecordingError(f"{path}: cannot be written: nobody lets you write in {above}: choose another place")
 
 
 def ended_without_a_word(recording: Recording) -> bool:

@@ -94,6 +94,8 @@ def render(
     SceneError
         Where it is a scene that cannot be read.
     """
+    if not outs:
+        raise RenderingError("name what to write: film.mp4, sheet.png or a folder for pictures")
     if not (math.isfinite(slower) and slower > 0):
         raise RenderingError(f"slower must be a number > 0, found {slower!r}")
     if isinstance(size, int) or len(size) != 2:  # pyright: ignore[reportUnnecessaryIsInstance]

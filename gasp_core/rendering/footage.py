@@ -26,7 +26,7 @@ from gasp_core.rendering.moving_footage import MovingFootage, is_moving_splat
 from gasp_core.scene.file_shapes import SplatShape, resolved
 from gasp_core.scene.loading import load_scene
 from gasp_core.scene.model import Scene
-from gasp_core.scene.named_code import without_code
+from gasp_core.scene.named_code import code_of, without_code
 from gasp_core.scene.objects import SplatObject, UpAxis
 from gasp_core.scene.placed_solid import PlacedSolid
 from gasp_core.scene.placement import Placement
@@ -255,6 +255,12 @@ class SceneFootage:
         self.scene = scene
         self.frame_rate = scene.frame_rate
         self.camera = scene.camera
+        for code in code_of(scene):
+            _LOG.warning(
+                '%s: object "%s" is shown as its file has it: its motion runs code, and a picture runs none',
+                path,
+                code.owner,
+            )
         self._placed: PlacedScene = place_scene(without_code(scene))
         self._gaussians = self._placed.gaussians
 

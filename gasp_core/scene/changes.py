@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import re
 import tomllib
@@ -14,6 +15,7 @@ __all__ = ["changed", "completed_decimals", "value_of"]
 
 # Decimals as people and shells write them and TOML does not take them: without digits before or after the point.
 _BARE_POINT = re.compile(r"(?P<before>(?<![\w.])[+-]?)\.(?=\d)")
+_NUMBER = re.compile(r"\[\s*(\d+)\s*\]")
 _TRAILING_POINT = re.compile(r"(?<![\w.])[+-]?\d+\.(?![\d.])")
 
 
@@ -36,7 +38,8 @@ def changed(values: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
     """
     for change in changes:
         path, equals, text = change.partition("=")
-        keys = [key.strip() for key in path.split(".")]
+        # Messages name the first object as object[0].
+        keys = [key.strip() for key in _NUMBER.sub(r".\1", path).split(".")]
         if not equals or not all(keys):
             raise SceneError(f"--set {change}: must be KEY=VALUE, e.g. object.plant.height=0.3 or scene.duration=2")
         _set(values, keys, value_of(text), change)
@@ -57,7 +60,7 @@ def _set(values: dict[str, Any], keys: Sequence[str], value: Any, change: str) -
         # One table of its kind alone need not be named.
         if isinstance(inner, list) and len(cast("list[Any]", inner)) == 1 and not _names(inner, keys[depth + 1]):
             inner = cast("list[Any]", inner)[0]
-            _refuse_misspelt(inner, keys[depth + 1], key, change)
+            _refuse_misspelt(inner, keys[depth + 1 :], key, change)
         here = inner
     where = ".".join(keys[:-1])
     if isinstance(here, list):
@@ -84,11 +87,22 @@ def _names(tables: Any, key: str) -> bool:
     )
 
 
-def _refuse_misspelt(table: Any, key: str, where: str, change: str) -> None:
-    """Refuse a key that is nearly the name of the only table there is, and is none of its keys."""
-    name = cast("dict[str, Any]", table).get("name") if isinstance(table, dict) else None
-    if isinstance(name, str) and key not in table and difflib.get_close_matches(key, [name]):
+def _refuse_misspelt(table: Any, keys: Sequence[str], where: str, change: str) -> None:
+    """Refuse what is meant for a name and is not that of the only table: nearly it, or no key that has keys."""
+    key, own = keys[0], cast("dict[str, Any]", table) if isinstance(table, dict) else {}
+    name = own.get("name")
+    if not isinstance(name, str) or key in own:
+        return
+    if difflib.get_close_matches(key, [name]) or (
+        len(keys) > 1 and where == "object" and key not in _keys_of_objects()
+    ):
         raise SceneError(f'--set {change}: there is no {where} "{key}", there is "{name}"')
+
+
+def _keys_of_objects() -> set[str]:
+    from gasp_core.scene.objects import SplatObject
+
+    return {"part", *(field.name for field in dataclasses.fields(SplatObject))}
 
 
 def _one_of(tables: list[Any], key: str, where: str, change: str) -> Any:

@@ -91,7 +91,9 @@ def _check_schedule(owner: Motion) -> None:
         pairs = tuple((float(time), float(scene_time)) for time, scene_time in given)
     except (TypeError, ValueError):
         pairs = ()
-    if not pairs or not all(math.isfinite(number) for pair in pairs for number in pair):
+    if not all(math.isfinite(number) for pair in pairs for number in pair):
+        raise SceneError(f"{name} must have finite numbers, found {given!r}")
+    if not pairs:
         raise SceneError(f"{name} must be pairs of a simulated time and a scene time [s], found {given!r}")
     if pairs[0][0] != 0 or any(not one[0] < other[0] for one, other in pairwise(pairs)):
         raise SceneError(f"{name}: its simulated times must rise from 0, found {[pair[0] for pair in pairs]}")

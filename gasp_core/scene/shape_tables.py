@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 from collections.abc import Mapping
@@ -98,7 +99,9 @@ def read_contact(table: Table) -> BodyContact | None:
 
 def _read_file_shape(table: Table, kind: type[FileShape], folder: Path | None) -> FileShape:
     """A shape that a file describes; the file's key is the kind's name."""
-    own = {key: value for key, value in table.values.items() if key not in ("shape", kind.kind, *_CONTACT)}
+    fields = [field.name for field in dataclasses.fields(kind) if field.name != "file"]
+    table.only("shape", kind.kind, *fields, *_CONTACT)
+    own = {key: value for key, value in table.values.items() if key in fields}
     given: dict[str, Any] = {"file": path_of(table, kind.kind, folder)}
     if "up" in own:
         given["up"] = table.choice("up", {axis: axis for axis in UP_AXES})

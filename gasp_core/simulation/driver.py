@@ -197,6 +197,12 @@ def simulate_part(
         header = header_of(scene, whole, path, prepared, chosen, options, on_engine)
         for note in header.notes:
             shown.say(note)
+        if resume and found is None:
+            shown.say(f"{path}: no recording is there to go on with, it begins")
+        if found is not None and frames is not None and found.frame_count > frames:
+            shown.say(
+                f"{path}: has {found.frame_count} frames already, more than frames = {frames}: nothing is to be done"
+            )
         if found is not None and ended_without_a_word(found):
             shown.say(f"{path}: {ENDED_WITHOUT_A_WORD}{_how_to_learn_why(scene, chosen)}")
         writer, last, restart = None, -1, {}

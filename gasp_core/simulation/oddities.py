@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from gasp_core.contract import (
 from gasp_core.gaussians import Gaussians
 from gasp_core.reduction.assembly import Assembly
 from gasp_core.scene.model import Scene
+from gasp_core.scene.motions import Swing, Wave
 from gasp_core.scene.objects import laws_of
 from gasp_core.scene.placement import up_axis
 from gasp_core.scene.selection import PlacedObject
@@ -45,6 +47,8 @@ _LONGEST_COLLIDER = 100.0
 """[m]: a terrain is long, a table in millimetres is longer."""
 _SOFTEST = 1.0
 """Density times gravity times size over Young's modulus, from which on nothing keeps its shape under its own weight."""
+_FRAMES_A_SWING = 8
+"""At the least, by which a swing is led within 1 % of its amplitude."""
 _AWAY = 1e-3
 """[m]: what a hand measures."""
 _HAIR = 0.01
@@ -73,7 +77,9 @@ def oddities(scene: Scene, objects: Sequence[PlacedObject], assembly: Assembly) 
         aside = "up" if gravity[2] > _LEANING * strength else "sideways"
         yield f"gravity = [{', '.join(f'{part:g}' for part in gravity)}] pulls {aside}: in a scene down is -z"
     for placed in objects:
-        yield from (f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed, strength))
+        yield from (
+            f'object "{placed.item.name}": {sentence}' for sentence in _of_object(placed, strength, scene.frame_rate)
+        )
     for name, collider in zip(assembly.colliders, problem.colliders):
         yield from _of_collider(name, collider, assembly.spacing)
     yield from idle_acts(assembly, scene.time_of(scene.frame_count - 1))
@@ -132,7 +138,7 @@ def _of_collider(name: str, collider: Collider, spacing: float) -> Iterator[str]
             )
 
 
-def _of_object(placed: PlacedObject, gravity: float) -> Iterator[str]:
+def _of_object(placed: PlacedObject, gravity: float, frame_rate: float) -> Iterator[str]:
     if placed.item.static and placed.item.collider is None:
         yield "is drawn only, nothing collides with it (collider = true: everything that moves does)"
     means = placed.gaussians.means[~placed.floating]
@@ -159,7 +165,24 @@ def _of_object(placed: PlacedObject, gravity: float) -> Iterator[str]:
             f"with youngs_modulus = {modulus:g} it sinks into a heap under its own weight: it is in Pa,"
             " rubber has 2e6; gasp materials lists more"
         )
+    yield from _of_its_motion(placed, frame_rate)
     yield from _of_its_stand(placed)
+
+
+def _of_its_motion(placed: PlacedObject, frame_rate: float) -> Iterator[str]:
+    """A sentence where frames are too far apart to lead matter by: where a motion goes is asked for at frames alone."""
+    motion = placed.item.motion
+    if not isinstance(motion, Swing | Wave) or motion.composition != "driven":
+        return
+    fastest = motion.frequency * abs(motion.rate)
+    if motion.schedule is not None:
+        rates = [abs((end - begin) / (after - before)) for (before, begin), (after, end) in pairwise(motion.schedule)]
+        fastest = motion.frequency * max(rates, default=0.0)
+    if fastest * _FRAMES_A_SWING > frame_rate:
+        yield (
+            f"its driven parts swing {fastest:g} times a second, and are led by where they are at {frame_rate:g} frames"
+            f" a second: what is between is lost; say frame_rate = {math.ceil(_FRAMES_A_SWING * fastest)}"
+        )
 
 
 def _of_its_stand(placed: PlacedObject) -> Iterator[str]:

@@ -85,7 +85,7 @@ def test_keys_are_set_on_the_command_line_and_said_again_by_the_hint(gasp, workp
     assert recording.frame_count == 2 and recording.scene.objects[0].height == 0.5
     again = gasp("run", "scene.toml", "--set", "scene.duration=0.04", "--set", "object.toy.height=0.5", "--resume")
     assert again.status == 0
-    refused("run", "scene.toml", "--set", "object.bear.height=1", says=["object[0].bear: unknown key"])
+    refused("run", "scene.toml", "--set", "object.bear.height=1", says=['there is no object "bear", there is "toy"'])
     from gasp_core.cli.settings import Settings
 
     assert Settings(changes=("a.b=1", "c.d=2")).words() == ["--set", "a.b=1", "--set", "c.d=2"]

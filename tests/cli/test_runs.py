@@ -49,6 +49,25 @@ def test_resume_goes_on_to_the_same_end(gasp, workplace):
         np.testing.assert_array_equal(parts.points(frame), whole.points(frame))
 
 
+def test_resuming_says_where_there_is_nothing_to_do_it_with_or_for(gasp, workplace):
+    begun = gasp("run", "scene.toml", "--out", "new.gasp", "--resume", "--frames", 2)
+    assert begun.status == 0 and "new.gasp: no recording is there to go on with, it begins" in begun.out
+    again = gasp("run", "scene.toml", "--out", "new.gasp", "--resume", "--frames", 1)
+    told = "new.gasp: has 2 frames already, more than frames = 1: nothing is to be done"
+    assert again.status == 0 and told in again.out and "begins" not in again.out
+
+
+@pytest.mark.parametrize(
+    ("out", "says"),
+    [
+        ("film.mp4", "--out film.mp4 is where frames are kept, a folder: --render film.mp4 films them"),
+        ("toy.ply/x.gasp", "toy.ply is a file, and no folder"),
+    ],
+)
+def test_where_no_run_can_be_kept_nothing_begins(refused, out, says):
+    assert "starting" not in refused("run", "scene.toml", "--out", out, says=[says])
+
+
 def test_engine_named_on_the_command_line_wins(gasp, workplace):
     scene = workplace / "scene.toml"
     scene.write_text(scene.read_text().replace("ballistic", "nothing"))
@@ -153,6 +172,8 @@ def test_export_of_one_frame(gasp, run, workplace):
         (["--all", "--out", "scene.toml"], ["scene.toml", "choose another place"]),
         (["--all", "--out", "toy.ply/frames"], ["toy.ply/frames", "choose another place"]),
         (["--all", "--out", "film.splat"], ["film.splat is to be a folder", "without .splat", "--format"]),
+        (["--all", "--out", "scene.gasp"], ["lies in the recording itself", "another folder"]),
+        (["--all", "--out", "scene.gasp/frames_of_it"], ["lies in the recording itself"]),
         (["--all", "--out", "film.GLB"], ["film.GLB is to be a folder", "without .glb"]),
         (["--all", "--out", "film.usdc", "--format", "ply"], ["film.usdc is to be a folder"]),
     ],

@@ -480,6 +480,19 @@ def test_folders_that_are_none(record, frames, cloud, spoil, said):
         assert words in str(caught.value)
 
 
+def test_what_systems_leave_in_a_folder_is_no_frame(record, frames):
+    folder = frames()
+    for name in (".DS_Store", "Thumbs.db", "desktop.ini"):
+        (folder / name).write_bytes(b"\0")
+    assert record(folder, SEQUENCE).status == "complete"
+
+
+@pytest.mark.parametrize("schedule", [((0, math.nan), (0.3, 0.2)), ((0, 0), (math.inf, 1))])
+def test_a_schedule_has_finite_numbers(schedule):
+    with pytest.raises(SceneError, match=r"FrameSequence\.schedule must have finite numbers, found"):
+        FrameSequence(frame_rate=10, schedule=schedule)
+
+
 def test_a_file_is_no_folder_of_frames(record, tmp_path, cloud):
     write_splat(tmp_path / "one.ply", cloud())
     with pytest.raises(GaspError, match="is no folder"):
@@ -504,6 +517,12 @@ def nan_later(points, s):
     return points
 
 
+def leaves(points, s):
+    if s > 0.1:
+        raise SystemExit(3)
+    return points
+
+
 def ragged(points, s):
     return [[1, 2], [3]] if s > 0.1 else points
 
@@ -515,6 +534,7 @@ def ragged(points, s):
         (other_shape, ["(40, 3)", "(40, 4, 3)"]),
         (nan_later, ["not finite", "1 of 40", "first 3"]),
         (ragged, ["ValueError"]),
+        (leaves, ["SystemExit: 3"]),
     ],
 )
 def test_functions_that_go_wrong_say_when_and_the_frames_are_kept(record, tmp_path, cloud, function, said):

@@ -96,6 +96,22 @@ def test_on_a_transparent_background_there_is_no_floor_unless_it_is_asked_for(re
     )
 
 
+def test_nothing_to_write_is_told(recording):
+    with pytest.raises(RenderingError, match=r"name what to write: film\.mp4"):
+        gasp.render(recording)
+
+
+def test_a_scene_that_runs_code_is_shown_without_it_and_that_is_told(dots, recording, tmp_path, caplog):
+    gasp.write_splat(tmp_path / "blob.ply", recording.gaussians(0))
+    (tmp_path / "a.toml").write_text(
+        '[scene]\nduration = 1\nframe_rate = 10\n[[object]]\nname = "blob"\nsplat = "blob.ply"\n'
+        'material = "rubber"\nmotion = { kind = "python", function = "nowhere.py:f" }\n'
+    )
+    gasp.render(tmp_path / "a.toml", tmp_path / "a.png", size=SIZE)
+    told = [record.message for record in caplog.records if "runs code" in record.message]
+    assert len(told) == 1 and 'object "blob" is shown as its file has it' in told[0]
+
+
 def test_a_turn_around_a_splat_file(tmp_path, dots, recording):
     gasp.write_splat(tmp_path / "blob.ply", recording.gaussians(0))
     gasp.render(tmp_path / "blob.ply", tmp_path / "frames", size=SIZE, turntable=True, up="+z")

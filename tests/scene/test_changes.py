@@ -39,7 +39,8 @@ def test_keys_are_set_by_where_they_stand(load):
     scene = load(
         "scene.duration=2",
         "object.pot.material.youngs_modulus = 1e6",
-        "object.0.height=0.5",
+        "object[0].height=0.5",
+        "object.0.up=-y",
         "collider.height=0.25",
         "object.pot.position=[0, 0, 1]",
         "object.pot.position.2=0.5",

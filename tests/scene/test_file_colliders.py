@@ -103,7 +103,11 @@ def test_a_thin_wall_has_no_holes_and_is_met_where_the_filled_body_is(folder, tu
     ("text", "says"),
     [
         ('shape = "mesh"\nmesh = "gone.glb"\n', "collider[0].mesh: no such file"),
-        ('shape = "mesh"\nsplat = "toy.ply"\n', "collider[0].mesh: missing"),
+        ('shape = "mesh"\nsplat = "toy.ply"\n', "collider[0].splat: unknown key"),
+        ('shape = "mesh"\n', "collider[0].mesh: missing"),
+        ('shape = "splat"\nspalt = "toy.ply"\n', 'collider[0].spalt: unknown key, did you mean "splat"'),
+        ('shape = "splat"\nsplat = "toy.ply"\nfile = "toy.ply"\n', "collider[0].file: unknown key"),
+        ('shape = "splat"\nsplat = "toy.ply"\nfrictoin = 1\n', 'frictoin: unknown key, did you mean "friction"'),
         ('shape = "mesh"\nmesh = "block.glb"\nheigth = 1\n', 'unknown key, did you mean "height"'),
         ('shape = "mesh"\nmesh = "block.glb"\ncells = 3\n', "collider[0].cells: must be >= 8"),
         ('shape = "mesh"\nmesh = "block.glb"\nup = "y"\n', "collider[0].up: must be one of"),

@@ -25,7 +25,7 @@ from gasp_core import (
     simulate,
 )
 from gasp_core.contract import BodyContact, ContactCondition, Precision, Side
-from gasp_core.errors import GaspError, SceneError
+from gasp_core.errors import GaspError, RecordingError, SceneError
 from gasp_core.scene import scene_to_toml
 from gasp_core.scene.file_shapes import MeshShape, SplatShape
 from gasp_core.solid import SolidOptions
@@ -155,11 +155,18 @@ def test_one_change_is_one_of_several(tmp_path):
     assert load_scene(tmp_path / "a.toml", "scene.duration=2").duration == 2
     with pytest.raises(SceneError, match='there is no object "aa", there is "a"'):
         load_scene(tmp_path / "a.toml", ["object.aa.height=3"])
+    # As README has it, of another scene.
+    with pytest.raises(SceneError, match='there is no object "plant", there is "a"'):
+        load_scene(tmp_path / "a.toml", ["object.plant.height=3"])
+    assert load_scene(tmp_path / "a.toml", ["object.solid.interior=filled"]).objects[0].solid.interior == "filled"
 
 
 def test_a_frame_is_a_whole_number(scene_of, run, tmp_path):
     recording = Recording.open(run(scene_of(duration=0.08), tmp_path / "a.gasp").path)
     np.testing.assert_array_equal(recording.points(1.0), recording.points(1))
+    for frame in (1.5, "1", np.float32(0.5)):
+        with pytest.raises(RecordingError, match="a frame is a whole number, found "):
+            recording.points(frame)
 
 
 def test_a_scene_is_no_splat_and_no_recording(scene_of, run, tmp_path):

@@ -23,6 +23,7 @@ from gasp_core import (
     Rigid,
     SphereShape,
     VaryingMaterial,
+    Wave,
     Wind,
     simulate,
     write_splat,
@@ -302,3 +303,25 @@ def test_a_collider_that_its_motion_takes_elsewhere_at_once_is_told(scene_of, tm
     found = simulate(scene, "reference-mpm", tmp_path / "a.gasp", frames=1, progress=False).notes
     said = "collider 1: its motion has its middle at [1, 0, -9] and not [0, 0, -9] from the start on"
     assert any(said in note for note in found) == told
+
+
+@pytest.mark.parametrize(
+    ("frequency", "options", "told"),
+    [
+        (24.0, {}, "swing 24 times a second, and are led by where they are at 25 frames a second"),
+        (24.0, {"rate": 0.1}, ""),
+        (3.0, {}, ""),
+        (3.2, {}, "say frame_rate = 26"),
+        (3.0, {"schedule": ((0, 0), (0.2, 0.2), (0.4, 0.8))}, "swing 9 times a second"),
+        (24.0, {"composition": "carried"}, ""),
+    ],
+)
+def test_a_swing_too_fast_for_the_frames_is_told_where_it_leads_matter(scene_of, tmp_path, frequency, options, told):
+    motion = Wave(
+        axis=(1, 0, 0), direction=(0, 0, 1), amplitude=0.01, wavelength=1e6, frequency=frequency,
+        **{"composition": "driven", **options},
+    )  # fmt: skip
+    parts = (Part(region=NEAR, driven=True),) if motion.composition == "driven" else ()
+    scene = scene_of(motion=motion, parts=parts, accuracy=EngineAccuracy(resolution=8))
+    found = simulate(scene, "reference-mpm", tmp_path / "a.gasp", frames=1, progress=False).notes
+    assert any("times a second" in note and told in note for note in found) == bool(told)
