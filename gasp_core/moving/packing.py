@@ -43,6 +43,8 @@ DEFAULT_ERROR = 1e-4
 _FRAMES_A_BLOCK = 24
 _QUANTUM = 1.0
 """Of the error allowed: rounding alone then takes up to sqrt(3) / 2 of it."""
+_COARSEST = 1e-3
+"""Of the diagonal: with steps as coarse, what points carry turns by so much that corrections take more than steps save."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,7 +224,7 @@ class _Source:
         extent = float(np.linalg.norm(np.ptp(reference.means[rows], axis=0)))
         # A single Gaussian has no extent but its own.
         diagonal = extent or float(reference.scales[rows].max())
-        quantum, allowed = _QUANTUM * error * diagonal, error * diagonal
+        quantum, allowed = _QUANTUM * min(error, _COARSEST) * diagonal, error * diagonal
         flowing = {body.name: grains for body, grains in DrawnFrames(recording).grains}
 
         def packed(body: Body, first: int, kind: str) -> _PackedBody:

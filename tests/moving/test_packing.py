@@ -306,3 +306,11 @@ def test_what_psi_stretches_is_not_bounded(scene_of, cloud, tmp_path, compositio
     assert grown.max() == pytest.approx(9, rel=1e-3) and grown.min() == pytest.approx(1, rel=1e-2)
     # Scales to the steps of a codebook.
     np.testing.assert_allclose(np.sort(found.scales, axis=1), np.sort(wanted.scales, axis=1), rtol=0.06)
+
+
+def test_whoever_allows_more_gets_no_more(recorded, ways, tmp_path):
+    """Steps as coarse as all that is allowed would want corrections that take more than the steps save."""
+    recording = recorded(ways["cores"][1])
+    allowed = (1e-4, 1e-3, 1e-2, 0.1)
+    sizes = [pack(recording, tmp_path / f"{error}.sog", error=error).motion for error in allowed]
+    assert sizes == sorted(sizes, reverse=True)
