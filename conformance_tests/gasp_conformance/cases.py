@@ -437,7 +437,8 @@ def block_slides(subject: Subject) -> Slide:
     acceleration = oracles.incline_acceleration(
         math.atan2(across, -down), sliding.colliders[0].friction, math.hypot(across, down)
     )
-    # The held block sways by some mm at 5 Hz and is not damped: its drift is the slope of a line through many sways.
+    # Put onto the slope at once, the held block slips in its first sways, and sways by some mm at 5 Hz for long: it
+    # creeps by the slope of a line through many sways, when it has stood for a while.
     times = np.linspace(held.numbers["settled"], held.numbers["duration"], round(held.numbers["frames"]))
     creep = float(np.polyfit(times, _way_down(subject, held, times), 1)[0])
     return Slide(distance_error=float(way) / (acceleration * duration**2 / 2) - 1, creep=creep)

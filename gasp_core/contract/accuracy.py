@@ -44,7 +44,7 @@ class EngineAccuracy:
     """
 
     resolution: int | Literal["auto"] = "auto"
-    substep_fraction: float = 0.5
+    substep_fraction: float = 0.8
     substep: float | None = None
     solver_tolerance: float = 1e-6
     iteration_limit: int | None = None

@@ -735,3 +735,11 @@ class FrictionALittleOff(Mutant):
 
     def problem(self, problem: PointProblem) -> PointProblem:
         return _with_colliders(problem, lambda one: replace(one, friction=1.05 * one.friction))
+
+
+@mutant("friction-with-a-limit", {"V12": "creep"}, slow=["V12"])
+class FrictionWithALimit(Mutant):
+    """No friction is stronger than one on which the block just slides, ever so slowly."""
+
+    def problem(self, problem: PointProblem) -> PointProblem:
+        return _with_colliders(problem, lambda one: replace(one, friction=min(one.friction, 0.44)))

@@ -25,13 +25,12 @@ from gasp_core.errors import SceneError
 from gasp_core.stepping.checkpoint import checkpoint_arrays
 from gasp_core.stepping.led_cage import HOLDS_NOTHING, LedCage
 
-__all__ = ["CALM", "Elastic"]
+__all__ = ["Elastic"]
 
 Array = NDArray[Any]
 
-CALM = 0.2
-"""Of the stable step. Blender's scheme damps an oscillation of angular frequency w at w^2 dt / 4 per unit of time: at
-the bound itself, what rings at a tenth of the fastest frequency is gone within three periods."""
+_UNIT = 0.2
+"""In stable steps: what Blender takes for a unit of time, whatever steps are taken."""
 _NEAR = 1e-6
 """In voxels: a node as near as this touches."""
 
@@ -70,7 +69,7 @@ class Elastic:
         nodes = matter.cage.nodes
         # Of the longest springs: a node is then never lighter than about 1.3 springs, with the stable step for a unit.
         self._length = matter.cage.coarseness * spacing
-        self._unit = CALM * matter.stable_step
+        self._unit = _UNIT * matter.stable_step
         bears, lightest = (TENSION, 0.0) if matter.is_cloth else (SPRING, LIGHTEST)
         masses = bears * matter.masses * self._length / (matter.forces * self._unit**2)
         if masses.max() > HEAVIEST or masses.min() < lightest:

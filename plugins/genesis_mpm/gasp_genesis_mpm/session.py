@@ -24,6 +24,9 @@ __all__ = ["GenesisSession"]
 
 Array = NDArray[Any]
 
+_CALM = 0.625
+"""Of the stable step, on top of `substep_fraction`: half of it in all by default. With four fifths, what float32 loses
+of the momentum of a collision (V10, 64 cells) is 1.1e-6 of it, and not 6e-7."""
 _LONGEST_BATCH = 20
 """Substeps between two looks at what bounds them."""
 _BATCH_TRAVEL = 0.5
@@ -92,7 +95,8 @@ class GenesisSession(SteppedSession[Performance]):
     def step_toward(self, landing: float, end: float) -> None:
         """A few equal substeps towards `landing`."""
         limits = self._limits()
-        allowed = substep_size(limits, self._spacing, self.accuracy)
+        share = _CALM * self.accuracy.substep_fraction
+        allowed = substep_size(limits, self._spacing, replace(self.accuracy, substep_fraction=share))
         self.refuse_too_many(allowed, end)
         count, step = substeps_to(landing - self._time, allowed)
         reach = int(min(_LONGEST_BATCH, limits.lasting(_BATCH_TRAVEL * self._spacing) / step))

@@ -14,9 +14,9 @@ sound crosses a cell faster than so many steps can follow, it is what frames can
 _FALL = 0.1
 """Of the time in which the largest body falls its own length: an advance that is longer is no reason for longer steps,
 by which all that falls or slides is off."""
-_CROSSING = 0.5
-"""Of the time in which sound crosses a cell, on top of `substep_fraction`: two steps in all of it damp a bar of 48
-cells by 1 % in a quarter of its period."""
+_CROSSING = 0.3125
+"""Of the time in which sound crosses a cell, on top of `substep_fraction`: four steps in all of it by default. Two
+would damp a bar of 48 cells by 1 % in a quarter of its period."""
 _FLIGHT = 0.5
 """In cells: no node goes further in a step, so that none passes through what is a cell thick."""
 
