@@ -17,7 +17,7 @@ __all__ = ["SCHEMA", "migrated"]
 
 Tables = dict[str, Any]
 
-SCHEMA = 3
+SCHEMA = 4
 """Of scenes as they are written today. A scene file that says no number is of today, a recording of number 1."""
 
 
@@ -48,6 +48,21 @@ def _without_what_meant_nothing(top: Tables) -> Tables:
     return found
 
 
+def _with_half_steps(top: Tables) -> Tables:
+    """3: steps were half of the stable bound, and colliders moved about the origin, where nothing else was said."""
+    found: Tables = _said(top, "accuracy", substep_fraction=0.5)
+    items: object = top.get("collider")
+    if isinstance(items, list):
+        found = {**found, "collider": [_about_the_origin(item) for item in cast("list[object]", items)]}
+    return found
+
+
+def _about_the_origin(item: object) -> object:
+    """A table of a collider whose motion, if it has one, says its center."""
+    moves = isinstance(item, Mapping) and "motion" in item
+    return _said(item, "motion", center=[0.0, 0.0, 0.0]) if moves else item
+
+
 def _still(item: object) -> object:
     """A table of an object without what means nothing of a static one."""
     if not isinstance(item, Mapping):
@@ -59,7 +74,7 @@ def _still(item: object) -> object:
     return {key: value for key, value in values.items() if key not in idle}
 
 
-def _said(owner: object, key: str, **defaults: Any) -> object:
+def _said(owner: object, key: str, **defaults: Any) -> Any:
     """A table with these entries in its own table `key`, where they are not said; what is no table stays for others."""
     if not isinstance(owner, Mapping):
         return owner
@@ -70,7 +85,7 @@ def _said(owner: object, key: str, **defaults: Any) -> object:
     return {**values, key: {**defaults, **cast("Mapping[str, Any]", inner)}}
 
 
-_STEPS: tuple[Callable[[Tables], Tables], ...] = (_with_every_vertex, _without_what_meant_nothing)
+_STEPS: tuple[Callable[[Tables], Tables], ...] = (_with_every_vertex, _without_what_meant_nothing, _with_half_steps)
 """From number 1 to 2, from 2 to 3, ...: functions of the whole file's tables."""
 
 

@@ -152,13 +152,28 @@ def test_a_scene_of_number_1_has_every_vertex_and_64_cells():
         read_scene(numbered(said, 1), file="a.toml", folder=None)
     said = said.replace("{ count", '{ mode = "cores", count')
     assert read_scene(numbered(said, 1), file="a.toml", folder=None) == dataclasses.replace(
-        read_scene(said, file="a.toml", folder=None), accuracy=EngineAccuracy(spacing=0.01)
+        read_scene(said, file="a.toml", folder=None), accuracy=EngineAccuracy(spacing=0.01, substep_fraction=0.5)
     )
     for broken in ("object = 3", "[object]\na = 1", "accuracy = 2", "[[object]]\nreduction = 2"):
         with pytest.raises(SceneError, match=r"a\.toml: "):
             read_scene(f"{broken}\n", file="a.toml", folder=None)
         with pytest.raises(SceneError, match=r"a\.toml: "):
             read_stored_scene(f"{broken}\n", file="a.toml")
+
+
+def test_a_scene_of_number_3_takes_half_steps_and_moves_its_colliders_about_the_origin():
+    text = (
+        TEXT
+        + '[[collider]]\nshape = "sphere"\ncenter = [0, 0, 1]\nradius = 0.2\nmotion = { angular_velocity = [0, 0, 1] }\n'
+    )
+    today, older = (read_scene(each, file="a.toml", folder=None) for each in (text, numbered(text, 3)))
+    assert (today.accuracy.substep_fraction, older.accuracy.substep_fraction) == (0.8, 0.5)
+    assert (today.colliders[0].motion.center, older.colliders[0].motion.center) == ((0, 0, 1), (0, 0, 0))
+    said = text.replace("[0, 0, 1] }", "[0, 0, 1], center = [1, 0, 0] }") + "[accuracy]\nsubstep_fraction = 0.3\n"
+    assert read_scene(numbered(said, 3), file="a", folder=None) == read_scene(said, file="a", folder=None)
+    for broken in ("accuracy = 2", "collider = 3", "[[collider]]\nmotion = 2", "collider = [1]"):
+        with pytest.raises(SceneError, match=r"a\.toml: "):
+            read_scene(f"{broken}\n[scene]\nschema = 3\n", file="a.toml", folder=None)
 
 
 def test_a_scene_of_number_2_may_say_what_means_nothing_today():
@@ -168,11 +183,11 @@ def test_a_scene_of_number_2_may_say_what_means_nothing_today():
     said = still + said + 'region = { shape = "sphere", center = [9, 9, 9], radius = 1 }\n[maps]\nalpha = 0.5\n'
     plain = read_scene(still, file="a.toml", folder=None)
     older = read_scene(numbered(said, 2), file="a.toml", folder=None)
-    assert older == dataclasses.replace(plain, maps=MapChoice(alpha=1.0))
+    assert older == dataclasses.replace(plain, maps=MapChoice(alpha=1.0), accuracy=EngineAccuracy(substep_fraction=0.5))
     assert read_stored_scene(numbered(said, 2), file="kept")[0] == older
     with pytest.raises(SceneError, match=r"object\[0\]\.velocity: .*no meaning with static"):
         read_scene(said, file="a.toml", folder=None)
-    moving = TEXT + "velocity = [1, 0, 0]\n[maps]\nalpha = 3\n"
+    moving = TEXT + "velocity = [1, 0, 0]\n[maps]\nalpha = 3\n[accuracy]\nsubstep_fraction = 0.5\n"
     assert read_scene(numbered(moving, 2), file="a", folder=None) == read_scene(moving, file="a", folder=None)
     for broken in ("[scene]\nschema = 2\n[maps]\nalpha = []", "maps = 3\nobject = [3]\n[scene]\nschema = 2"):
         with pytest.raises(SceneError, match=r"a\.toml: "):
