@@ -11,6 +11,7 @@ import click
 from gasp_core.cli.endings import SUFFIXES, frames_in, refuse_a_file, refuse_another_ending
 from gasp_core.cli.export_motion import export_motion
 from gasp_core.cli.export_stage import export_stage, is_stage, readable
+from gasp_core.cli.losses import say_losses
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.run_path import PathHere, RunPath
@@ -118,7 +119,9 @@ def export(
         else:
             from gasp_core.io import write_splat
 
-            write_splat(path, _read(recording, as_drawn, up, path.suffix.lower())(frame))
+            gaussians = _read(recording, as_drawn, up, path.suffix.lower())(frame)
+            write_splat(path, gaussians)
+            say_losses(gaussians, path.suffix.lower())
         click.echo(path)
         return
     lost = set(recording.lost)
@@ -137,6 +140,7 @@ def export(
         read = _read(recording, as_drawn, up, ending)
         keep_what_is_there(frames_in(folder, stem=stem, suffix=ending), overwrite)
         paths, damaged = export_frames(read, frames, folder, stem=stem, suffix=ending)
+        say_losses(recording.reference, ending)
         click.echo(f"{folder}: {len(paths)} files, {paths[0].name} to {paths[-1].name}")
     if lost:
         damaged.insert(0, f"{run}: {numbered(sorted(lost))} lost: nothing of them is there")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gasp_core.cli.endings import SUFFIXES, frames_in, refuse_a_file, refuse_another_ending
+from gasp_core.cli.losses import say_losses
 from gasp_core.cli.overwriting import keep_what_is_there
 from gasp_core.cli.run_path import PathHere
 
@@ -83,13 +84,17 @@ def write_frames(paths: list[Path], earlier: list[Path], splats: Iterable[Gaussi
 
     if len(paths) == 1 and not earlier:
         paths[0].parent.mkdir(parents=True, exist_ok=True)
-        write_splat(paths[0], *splats)
+        (alone,) = splats
+        write_splat(paths[0], alone)
+        say_losses(alone, paths[0].suffix.lower())
         click.echo(paths[0])
         return
     first, last = paths[0], paths[-1]
     with counting(None, "frames", len(paths)) as done, coming_together(first.parent, earlier) as making:
         for path, splat in zip(paths, splats):
             write_splat(making / path.name, splat)
+            if path == first:
+                say_losses(splat, path.suffix.lower())
             done()
     click.echo(f"{first.parent}: {len(paths)} files, {first.name} to {last.name}")
 

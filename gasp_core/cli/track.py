@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gasp_core.cli.endings import SUFFIXES, refuse_a_file
+from gasp_core.cli.losses import say_losses
 from gasp_core.cli.most_memory import most_memory_option
 from gasp_core.cli.overwriting import keep_what_is_there, overwrite_option
 from gasp_core.cli.printing import print_json, print_table
@@ -105,6 +106,7 @@ def track(folder: Path, out: Path | None, suffix: str, nodes: int, as_json: bool
         print_json({"folder": str(_shown(target)), "gaussians": len(first), "frames": frames})
         return
     _print_for_people(found)
+    say_losses(first, SUFFIXES[suffix])
     click.echo(f"\n{_shown(target)}: {len(names)} files of {len(first):,} Gaussians")
 
 

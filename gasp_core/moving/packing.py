@@ -44,7 +44,7 @@ _FRAMES_A_BLOCK = 24
 _QUANTUM = 1.0
 """Of the error allowed: rounding alone then takes up to sqrt(3) / 2 of it."""
 _COARSEST = 1e-3
-"""Of the diagonal: with steps as coarse, what points carry turns by so much that corrections take more than steps save."""
+"""Of the diagonal: coarser steps turn what points carry by so much that corrections take more than steps save."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -83,7 +83,8 @@ def run(gasp, workplace):
 @pytest.mark.parametrize("kind", ["ply", "splat", "spz", "sog"])
 def test_export_of_all_frames(gasp, run, workplace, kind):
     outcome = gasp("export", "scene.gasp", "--all", "--format", kind)
-    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.status == 0 and (outcome.err == "") == (kind == "ply")
+    assert all(line.startswith(f"  .{kind}: ") for line in outcome.err.splitlines())
     paths = sorted((workplace / "scene_frames").iterdir())
     assert [path.name for path in paths] == [f"scene_{frame:04d}.{kind}" for frame in range(3)]
     # .spz keeps 24 bits of position with at least 12 of them after the point, .splat and .ply float32, .sog 2^16
@@ -159,7 +160,10 @@ def test_a_run_in_one_file_and_a_film_of_it(gasp, run, refused, workplace):
 
 
 def test_export_of_one_frame(gasp, run, workplace):
-    assert gasp("export", "scene.gasp", "--frame", 2).out == "scene_0002.ply\n"
+    plain = gasp("export", "scene.gasp", "--frame", 2)
+    assert (plain.out, plain.err) == ("scene_0002.ply\n", "")
+    for arguments in (["--frame", "2", "-o", "a.splat"], ["--all", "--format", "splat"]):
+        assert "  .splat: opacities and colours are rounded to 1/255" in gasp("export", "scene.gasp", *arguments).err
     assert gasp("export", "scene.gasp", "--frame", 2, "--out", "still.ply").status == 0
     assert (workplace / "still.ply").read_bytes() == (workplace / "scene_0002.ply").read_bytes()
 

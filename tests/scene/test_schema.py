@@ -162,10 +162,8 @@ def test_a_scene_of_number_1_has_every_vertex_and_64_cells():
 
 
 def test_a_scene_of_number_3_takes_half_steps_and_moves_its_colliders_about_the_origin():
-    text = (
-        TEXT
-        + '[[collider]]\nshape = "sphere"\ncenter = [0, 0, 1]\nradius = 0.2\nmotion = { angular_velocity = [0, 0, 1] }\n'
-    )
+    ball = '[[collider]]\nshape = "sphere"\ncenter = [0, 0, 1]\nradius = 0.2\n'
+    text = f"{TEXT}{ball}motion = {{ angular_velocity = [0, 0, 1] }}\n"
     today, older = (read_scene(each, file="a.toml", folder=None) for each in (text, numbered(text, 3)))
     assert (today.accuracy.substep_fraction, older.accuracy.substep_fraction) == (0.8, 0.5)
     assert (today.colliders[0].motion.center, older.colliders[0].motion.center) == ((0, 0, 1), (0, 0, 0))
