@@ -159,6 +159,9 @@ def write(path: str | PathLike[str], gaussians: Gaussians) -> None:
     from gasp_core.io.spz import write_spz
     from gasp_core.io.usd import USD_SUFFIXES, write_usd
 
+    if not (isinstance(path, str | PathLike) and isinstance(gaussians, Gaussians)):  # pyright: ignore[reportUnnecessaryIsInstance]
+        found = f"{type(path).__name__} and {type(gaussians).__name__}"
+        raise SplatFormatError(f"write_splat takes a path and Gaussians, in this order, found {found}")
     target = Path(fspath(path))
     suffix = target.suffix.lower()
     if suffix not in (*WRITTEN, *USD_SUFFIXES) or target.name.lower().endswith(".compressed.ply"):

@@ -113,6 +113,8 @@ def simulate(
         longer credible, EngineCrashedError where the process of an isolated engine dies; the frames up to the last good
         one are kept.
     """
+    if not isinstance(out, str | Path | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SceneError(f"out must be a path or an address, found {out!r}")
     address = None if out is None else address_of(out)
     if out is not None and address is None:
         out = path_here(out)

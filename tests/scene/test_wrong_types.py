@@ -25,7 +25,8 @@ from gasp_core import (
     simulate,
 )
 from gasp_core.contract import BodyContact, ContactCondition, Precision, Side
-from gasp_core.errors import GaspError, RecordingError, SceneError
+from gasp_core.errors import GaspError, RecordingError, SceneError, SplatFormatError
+from gasp_core.io import write_splat
 from gasp_core.scene import scene_to_toml
 from gasp_core.scene.file_shapes import MeshShape, SplatShape
 from gasp_core.solid import SolidOptions
@@ -176,3 +177,12 @@ def test_a_scene_is_no_splat_and_no_recording(scene_of, run, tmp_path):
     (tmp_path / "a.splat").write_bytes(b"\xff" * 32)
     with pytest.raises(SceneError, match="is a splat, and no scene file: gasp new"):
         load_scene(tmp_path / "a.splat")
+
+
+def test_what_is_handed_over_in_another_order_is_told(scene_of, cloud, tmp_path):
+    with pytest.raises(SplatFormatError, match=r"takes a path and Gaussians, in this order, found Gaussians and str"):
+        write_splat(cloud(), "x.ply")
+    with pytest.raises(SplatFormatError, match="found str and int"):
+        write_splat("x.ply", 3)
+    with pytest.raises(SceneError, match="out must be a path or an address, found 3"):
+        simulate(scene_of(), out=3)
