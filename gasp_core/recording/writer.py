@@ -363,10 +363,9 @@ def refuse_existing(path: Path, overwrite: bool) -> bool:
 def _refuse_unwritable(path: Path) -> None:
     """Refuse a place where no folder can be made, before anything is made for it."""
     above = next(place for place in (path, *path.absolute().parents) if place.exists())
-    if not above.is_dir():
-        raise RecordingError(f"{path}: cannot be written: {above} is a file, and no folder")
-    if not os.access(above, os.W_OK | os.X_OK):
-        raise RecordingError(f"{path}: cannot be written: nobody lets you write in {above}: choose another place")
+    if above.is_file() or not os.access(above, os.W_OK | os.X_OK):
+        why = "is a file, and no folder" if above.is_file() else "lets you write nothing into it: choose another place"
+        raise RecordingError(f"{path}: cannot be written: {above} {why}")
 
 
 def ended_without_a_word(recording: Recording) -> bool:

@@ -21,6 +21,7 @@ from gasp_core.moving.packing import pack
 from gasp_core.moving.reading import MovingSplat
 from gasp_core.recording.migrations import VERSION
 from gasp_core.recording.nodes import sealed
+from gasp_core.scene.schema import SCHEMA
 from gasp_core.scene.settings import CameraChoice, MapChoice
 
 KEPT = Path(__file__).parents[1] / "recording_versions"
@@ -208,7 +209,7 @@ def test_what_scenes_could_say_once_is_passed_over_where_it_did_nothing(cloud, r
 
     def age(attributes):
         attributes["maps"]["alpha"] = 0.5
-        text = attributes["scene"].replace("schema = 3", "schema = 2").replace("alpha = 1.0", "alpha = 0.5")
+        text = attributes["scene"].replace(f"schema = {SCHEMA}", "schema = 2").replace("alpha = 1.0", "alpha = 0.5")
         moving, still = text.split('name = "still"')
         still = still.replace("velocity = [0.0, 0.0, 0.0]", "velocity = [1.0, 0.0, 0.0]", 1)
         attributes["scene"] = f'{moving}name = "still"{still}'

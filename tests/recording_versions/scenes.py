@@ -28,14 +28,15 @@ JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 def scene(version: int) -> Scene:
     """The scene of a version, with what recordings of that version were the first to have.
 
-    Every vertex is a point and there are 64 cells where nothing else is said, as it was by default up to version 6.
+    Every vertex is a point, there are 64 cells, and steps are half of the stable bound where nothing else is said, as it
+    was by default up to version 6.
     """
     return Scene(
         duration=0.24,
         frame_rate=25,
         objects=tuple(_sampled(item) for item in (STILL, *_moving(version))),
         engine=EngineChoice(name="ballistic", options={"spin": 3.0}),
-        accuracy=EngineAccuracy(resolution=64),
+        accuracy=EngineAccuracy(resolution=64, substep_fraction=0.5),
         maps=_maps(version),
         recording=RecordingChoice(checkpoint_frames=1, velocities=version == 1),
     )

@@ -163,7 +163,7 @@ def test_a_run_that_is_no_longer_credible_stops_and_keeps_what_was_good(fault, s
     assert error.recording == path
     assert words in str(error) and "frame 5" in str(error) and "\n" not in str(error)
     if fault != "limit":
-        assert "try substep_fraction = 0.25" in str(error)
+        assert "try substep_fraction = 0.4" in str(error)
     recording = Recording.open(path)
     assert (recording.status, recording.frame_count) == ("incomplete", 5)
     assert recording.reason == str(error)

@@ -37,6 +37,7 @@ from gasp_core.simulation.stiff_matter import refuse_too_stiff
 from gasp_core.stepping.time_step import rest_bound
 
 FLOOR = Collider(shape=HalfSpace(point=(0, 0, 0), normal=(0, 0, 1)))
+SHARE = EngineAccuracy().substep_fraction
 STEEL = Elastic(density=7850, youngs_modulus=2e11, poissons_ratio=0.3)
 SPACING = 0.01
 
@@ -99,7 +100,7 @@ def accepted(asked, *, explicit=None, frame_step=0.04, **accuracy):
 
 def test_it_says_how_many_substeps_whose_and_what_is_allowed():
     said = refusal(problem(material_preset("jelly"), STEEL))
-    needed = 0.04 / (0.5 * rest_bound(STEEL, SPACING))
+    needed = 0.04 / (SHARE * rest_bound(STEEL, SPACING))
     assert f"explicit would need {int(np.ceil(needed)):,} substeps" in said
     assert "substep_limit under [accuracy] is 20,000" in said
     assert 'elastic of E = 2e11 Pa of object "ball"' in said
@@ -136,7 +137,7 @@ def test_it_says_the_softer_modulus_and_that_this_one_is_accepted():
     # 3/2 (L/t)^2 rho g L / E of a cube: its points, in the middle of their parts, span 0.35 m, which is less than t.
     assert float(modulus) == pytest.approx(1.5 * 7850 * 9.81 * 0.35 / 1e-3, rel=0.1)
     assert "below 0.001 of its size under its own weight and needs" in said
-    assert int(count.replace(",", "")) == int(np.ceil(0.04 / (0.5 * rest_bound(softer, SPACING))))
+    assert int(count.replace(",", "")) == int(np.ceil(0.04 / (SHARE * rest_bound(softer, SPACING))))
     accepted(problem(softer))
 
 
@@ -158,7 +159,7 @@ def test_other_matter_counts_in_what_softer_matter_would_cost():
 
     nearly = dataclasses.replace(STEEL, youngs_modulus=1e10)
     assert cost(refusal(problem(STEEL))) < 2_000
-    assert cost(refusal(problem(STEEL, nearly))) == int(np.ceil(0.04 / (0.5 * rest_bound(nearly, SPACING))))
+    assert cost(refusal(problem(STEEL, nearly))) == int(np.ceil(0.04 / (SHARE * rest_bound(nearly, SPACING))))
     # What is too stiff itself is to be changed as well.
     glass = material_preset("glass")
     said = refusal(problem(STEEL, glass))
@@ -205,7 +206,7 @@ def test_what_is_within_the_limit_or_somebody_elses_business_is_let_pass():
 
 
 def test_exactly_the_limit_is_accepted():
-    needed = int(np.ceil(0.04 / (0.5 * rest_bound(STEEL, SPACING))))
+    needed = int(np.ceil(0.04 / (SHARE * rest_bound(STEEL, SPACING))))
     accepted(problem(STEEL), substep_limit=needed)
     assert f"need {needed:,} substeps" in refusal(problem(STEEL), substep_limit=needed - 1)
 

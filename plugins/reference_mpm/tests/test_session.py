@@ -201,7 +201,7 @@ def test_the_substep_limit_ends_a_frame_before_it_costs_anything() -> None:
         report = session.advance_to(1.0)
     assert report.status is Status.SUBSTEP_LIMIT
     assert report.substep_count == 0
-    assert "substeps of 2.83e-06 s" in report.warnings[0]
+    assert "substeps of 4.53e-06 s" in report.warnings[0]
 
 
 def test_a_leap_over_a_cell_is_not_believed() -> None:
