@@ -28,8 +28,8 @@ JELLY = Elastic(density=1000, youngs_modulus=1e5, poissons_ratio=0.3)
 def scene(version: int) -> Scene:
     """The scene of a version, with what recordings of that version were the first to have.
 
-    Every vertex is a point, there are 64 cells, and steps are half of the stable bound where nothing else is said, as it
-    was by default up to version 6.
+    Every vertex is a point, there are 64 cells, and steps are half of the stable bound where nothing else is said, as
+    it was by default up to version 6.
     """
     return Scene(
         duration=0.24,
