@@ -15,7 +15,8 @@ __all__ = ["say_losses"]
 def say_losses(gaussians: Gaussians, suffix: str) -> None:
     """Say what is lost of Gaussians in files that end so; nothing of .ply and USD, which only round to float32."""
     from gasp_core.io.convert import losses
+    from gasp_core.io.usd import USD_SUFFIXES
 
-    if suffix not in (".ply", ".usdc", ".usda", ".usd"):
+    if suffix not in (".ply", *USD_SUFFIXES):
         for loss in losses(gaussians, suffix):
             click.echo(f"  {suffix}: {loss}", err=True)

@@ -33,7 +33,6 @@ _PREVIEW_CELLS = 12
 _PREVIEW_SECONDS = 2.0
 _PREVIEW_RATE = 12.5
 _PREVIEW_SIZE = (640, 360)
-_FILMS = (".mp4", ".webm", ".gif", ".png")
 
 
 @click.command(
@@ -139,10 +138,12 @@ def run(
         raise click.UsageError("--preview has a place of its own: leave --resume, --out and --dry-run out")
     if dry_run and (resume or frames is not None):
         raise click.UsageError("--dry-run is about the whole run: leave --resume and --frames out")
-    if out is not None and out.suffix.lower() in _FILMS:
-        raise click.UsageError(f"--out {out} is where frames are kept, a folder: --render {out.name} films them")
     from gasp_core import simulate
     from gasp_core.recording.address_names import address_of, path_here
+    from gasp_core.rendering.video import FILMS
+
+    if out is not None and out.suffix.lower() in (*FILMS, ".png"):
+        raise click.UsageError(f"--out {out} is where frames are kept, a folder: --render {out.name} films them")
 
     folder = path_here(out) if out is not None else Path(scene.stem + ".gasp")
     command = ["gasp", "run", str(scene), "--resume", *(["--engine", engine] if engine else [])]

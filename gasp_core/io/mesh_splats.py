@@ -184,12 +184,16 @@ def share_off(gaussians: Gaussians, distances: Array, vertices: Array, faces: Ar
     vertices : (V, 3)
     faces : (F, 3)
     """
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if (off := float(np.median(distances)) / diagonal) <= FAR_OFF:
+        # On its faces, or next to them: nobody need know on which side.
+        return off
     import igl
 
     finding: Any = igl
     turns = finding.fast_winding_number(vertices, faces, gaussians.means.astype(np.float64))
     outside = np.where(np.abs(turns) < 0.5, distances, 0.0)
-    return float(np.median(outside)) / float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return float(np.median(outside)) / diagonal
 
 
 def face_of_each(gaussians: Gaussians, vertices: Array, faces: Array) -> tuple[Array, Array]:
