@@ -19,6 +19,8 @@ COLUMNS = 16
 """Of the table of cores in `carry_affinely`: two cache lines a row, for the loop waits for memory."""
 _TAKEN = 64
 """Rows at a time, which stay in the first cache."""
+_AHEAD = 16
+"""Rows before it is read that a core is brought."""
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -118,9 +120,13 @@ def carry_rigidly(rest, cores, labels, rows, out, chunks):
     A row of `cores`: displacement of the core's mean, the mean, and the change of its rotation, row by row.
     """
     count, vertices = rows.shape[0], rest.shape[1]
+    size = cores.shape[1] * cores.itemsize
     for chunk in numba.prange(chunks):
-        for index in range(chunk * count // chunks, (chunk + 1) * count // chunks):
+        last = (chunk + 1) * count // chunks
+        for index in range(chunk * count // chunks, last):
             row = rows[index]
+            if index + _AHEAD < last:
+                bring_to_read(cores.ctypes.data + labels[rows[index + _AHEAD]] * size, size)
             core = cores[labels[row]]
             for vertex in range(vertices):
                 x, y, z = rest[row, vertex, 0], rest[row, vertex, 1], rest[row, vertex, 2]

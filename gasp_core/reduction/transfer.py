@@ -53,7 +53,7 @@ class Cores:
     def __len__(self) -> int:
         return len(self.points)
 
-    @property
+    @cached_property
     def centres(self) -> Array:
         """Means of their corners, (C, 3) [m]."""
         return self.points.mean(axis=1)
@@ -66,14 +66,20 @@ class Cores:
 
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
-        """Of the moments: inverses (C, 3, 3), as far as a core extends, principal axes, and which are flat."""
+        """What never changes: slopes (C, V, 3) [1/m], principal axes, and which are flat.
+
+        The gradient of displacements (C, V, 3) of corners is the sum over these of displacement times slope: offset
+        from the centre times the inverse of the moments, as far as a core extends.
+        """
         values, axes = np.linalg.eigh(self.moments)
         flat = values[:, 1] > _FLAT_CORE * values[:, 2]
         # Rounding may give a triangle a volume.
         whole = flat & (values[:, 0] > _FLAT_CORE * values[:, 2]) & (self.points.shape[1] > 3)
         known = np.stack([whole, flat, flat], axis=1)
-        inverses = np.where(known, 1 / np.where(known, values, 1.0), 0.0)
-        return (axes * inverses[:, None]) @ axes.transpose(0, 2, 1), axes, flat & ~whole
+        reciprocals = np.where(known, 1 / np.where(known, values, 1.0), 0.0)
+        inverses = (axes * reciprocals[:, None]) @ axes.transpose(0, 2, 1)
+        slopes = (self.points - self.centres[:, None]) @ inverses / self.points.shape[1]
+        return slopes, axes, flat & ~whole
 
     def turned(self, displacements: Array, rows: Array | slice = slice(None)) -> Array:
         """R - 1 of the matter of each core, (C, 3, 3), when their corners are displaced by (C, V, 3) [m]; of some rows.
@@ -81,10 +87,8 @@ class Cores:
         R is the polar rotation of the deformation gradient; that of a flat core takes its normal to the normal it has
         now. 1 where a core is a line or a point.
         """
-        offsets = self.points[rows] - self.centres[rows, None]
-        products = np.einsum("cvi,cvj->cij", displacements[rows], offsets) / self.points.shape[1]
-        inverses, axes, flat = (known[rows] for known in self._at_rest)
-        gradients = products @ inverses
+        slopes, axes, flat = (known[rows] for known in self._at_rest)
+        gradients = displacements[rows].transpose(0, 2, 1) @ slopes
         add_normals(gradients, axes, np.flatnonzero(flat))
         one = np.eye(3)[None]
         # The polar rotation of 1 is subtracted, not 1: at displacement zero the difference is zero to the last bit.
@@ -295,7 +299,10 @@ def _carry_rigidly(
 ) -> None:
     """out[rows], simplices that move with the frame of their core; None: all of them."""
     table = np.empty((len(cores), 15))
-    table[:, :3], table[:, 3:6] = displacements.mean(axis=1), cores.centres
+    corners = displacements.shape[1]
+    # A product of matrices: a mean over so short an axis takes twice the time.
+    table[:, :3] = (np.full((1, corners), 1 / corners) @ displacements)[:, 0]
+    table[:, 3:6] = cores.centres
     used = slice(None) if rows is None else np.unique(labels[rows])
     table[used, 6:] = cores.turned(displacements, used).reshape(-1, 9)
     rows = np.arange(len(rest)) if rows is None else rows
