@@ -159,23 +159,46 @@ class Corrections:
     numbers: Array
 
     @classmethod
+    def none(cls) -> Corrections:
+        """Where all is near enough."""
+        return cls(rows=np.zeros(0, dtype=np.int64), numbers=np.zeros((0, 12), dtype=np.int64))
+
+    @classmethod
     def of(
-        cls, found: Array, recorded: Array, held: Gaussians, recorded_from: Gaussians, quantum: float, allowed: float
+        cls,
+        found: Array,
+        recorded: Array,
+        held: Gaussians,
+        recorded_from: Gaussians,
+        quantum: float,
+        allowed: float,
+        shown: Array,
+        last: Corrections,
     ) -> Corrections:
         """Of simplices (N, 4, 3) [m] that should be where recorded ones, (N, 3 | 4, 3) [m], are.
 
         Means may be off by `allowed` [m], and axes by a part of their lengths that is no more than what a small turn
-        does. `held` are the Gaussians of the file at rest, `recorded_from` those of the recording.
+        does. `held` are the Gaussians of the file at rest, `recorded_from` those of the recording. Where those of the
+        `last` frame still do, they stay. Nobody sees those that are not `shown` (N,).
         """
-        means = recorded[:, 0] - found[:, 0]
+        means = (recorded[:, 0] - found[:, 0]) / quantum
         wanted = _moved_axes(recorded, recorded_from)
-        axes = np.where(held.scales[:, None, :] > 0, wanted - _axes_of(found, held), 0.0)
-        off = np.linalg.norm(means, axis=1) > allowed
+        axes = np.where(held.scales[:, None, :] > 0, wanted - _axes_of(found, held), 0.0) * AXIS_STEPS
+        lacking = np.concatenate([means, axes.reshape(-1, 9)], axis=1)
         seen = edge_axes(recorded_from.scales.astype(np.float64), recorded.shape[1])
-        off |= np.take_along_axis(np.abs(axes).max(axis=1), seen, axis=1).max(axis=1) > _AXES_MAY_BE_OFF
-        rows = np.flatnonzero(off)
-        numbers = np.concatenate([means[rows] / quantum, axes[rows].reshape(-1, 9) * AXIS_STEPS], axis=1)
-        return cls(rows=rows, numbers=np.round(numbers).astype(np.int64))
+
+        def off(lacking: Array, seen: Array) -> Array:
+            along = np.abs(lacking[:, 3:]).reshape(-1, 3, 3).max(axis=1)
+            turned = np.take_along_axis(along, seen, axis=1).max(axis=1) > _AXES_MAY_BE_OFF * AXIS_STEPS
+            return turned | (np.linalg.norm(lacking[:, :3], axis=1) * quantum > allowed)
+
+        numbers = np.round(lacking).astype(np.int64)
+        needed = off(lacking, seen)
+        same = ~off(lacking[last.rows] - last.numbers, seen[last.rows])
+        numbers[last.rows[same]] = last.numbers[same]
+        needed[last.rows[same]] = True
+        rows = np.flatnonzero(needed & shown)
+        return cls(rows=rows, numbers=numbers[rows])
 
     def applied(self, simplices: Array, held: Gaussians, quantum: float) -> Array:
         """The simplices (N, 4, 3) [m] without what they are off by."""

@@ -10,13 +10,20 @@ from numpy.typing import NDArray
 
 from gasp_core.gaussians import Gaussians
 from gasp_core.moving.bodies import Corrections, FreeBody, MovingBody
-from gasp_core.moving.frames import FrameWriter, encoded_corrections
+from gasp_core.moving.frames import CorrectionWriter, FrameWriter
 from gasp_core.moving.grains import PackedGrains
-from gasp_core.reduction.grains import Grains
+from gasp_core.moving.settling import near_enough
+from gasp_core.reduction.grains import Flow, Grains
+from gasp_core.reduction.point_frames import PointFrames
 
 __all__ = ["BodyFrame", "BodyWriter"]
 
 Array = NDArray[Any]
+
+_STAYS = 3**0.5 / 2
+"""Quanta that a point may be off by, as it may by rounding."""
+_SHIFT_STAYS = 16
+"""Quanta that the mean displacement may have gone on before the one that is written follows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +74,15 @@ class BodyWriter:
     grains: Grains | None
     start: Array
     largest: float = 0.0
-    _frames: FrameWriter = field(default_factory=FrameWriter)
-    _flows: FrameWriter = field(default_factory=FrameWriter)
+    _frames: FrameWriter = field(init=False)
+    _flows: FrameWriter = field(init=False)
+    _corrections: CorrectionWriter = field(init=False)
+    _shift: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        self._frames = FrameWriter(self.moving.numbers)
+        self._flows = FrameWriter((self.moving.numbers[0], 2))
+        self._corrections = CorrectionWriter(len(self.rows))
 
     def write(self, frame: BodyFrame) -> bytes:
         """The next frame.
@@ -79,17 +93,61 @@ class BodyWriter:
             Where a number is too large.
         """
         simplices = frame.simplices[self.rows]
-        if isinstance(self.moving, FreeBody):
-            numbers = self.moving.numbers_of(simplices, self.recorded, frame.shift, self.quantum)
-        else:
-            numbers = np.round(frame.displacements / self.quantum).astype(np.int64)
-        found = self.moving.simplices(numbers, frame.shift, self.quantum)
-        corrections = Corrections.of(found, simplices, self.held, self.recorded, self.quantum, self.allowed)
-        written = frame.shift.astype("<f8").tobytes() + self._frames.write(numbers) + encoded_corrections(corrections)
+        filled = getattr(self.moving, "carrier", None)
+        flowed, shown, chosen = b"", np.ones(len(self.rows), dtype=bool), np.zeros(0, dtype=np.int64)
         if self.grains is not None:
-            flow = PackedGrains.numbers_of(self.grains, self.start + frame.displacements + frame.shift)
-            written += self._flows.write(flow)
+            assert isinstance(filled, PointFrames)
+            flow = self.grains.flow(self.start + frame.displacements + frame.shift)
+            chosen = flow.chosen
+            flowed, shown = self._flow(flow, filled)
+        shift = self._shift_of(frame.shift)
+        if isinstance(self.moving, FreeBody):
+            exact = self.moving.numbers_of(simplices, self.recorded, shift, self.quantum)
+            written, numbers = self._frames.write(lambda _: exact)
+        else:
+            wanted = (frame.displacements + (frame.shift - shift)) / self.quantum
+            # What swings is foretold best from numbers that are exact; grains lie where they are.
+            slack = np.full(len(wanted), 0.0 if self.grains is None else _STAYS)
+            if isinstance(filled, PointFrames):
+                slack[~_seen(filled, shown, chosen)] = np.inf
+            written, numbers = self._frames.write(lambda foretold: near_enough(foretold, wanted, slack))
+        found = self.moving.simplices(numbers, shift, self.quantum)
+        last = self._corrections.last
+        corrections = Corrections.of(
+            found, simplices, self.held, self.recorded, self.quantum, self.allowed, shown, last
+        )
         found = corrections.applied(found, self.held, self.quantum)
-        off = np.linalg.norm(found[:, 0] - simplices[:, 0], axis=1)
-        self.largest = max(self.largest, float(off.max(initial=0.0)))
-        return written
+        off = found[shown, 0] - simplices[shown, 0]
+        if len(chosen):
+            off = np.append(
+                off, numbers[chosen] * self.quantum - frame.displacements[chosen] + (shift - frame.shift), axis=0
+            )
+        self.largest = max(self.largest, float(np.linalg.norm(off, axis=1).max(initial=0.0)))
+        return shift.astype("<f8").tobytes() + written + self._corrections.write(corrections) + flowed
+
+    def _shift_of(self, mean: Array) -> Array:
+        """The mean displacement that is written, (3,) [m].
+
+        What stays whole drifts as a whole; grains lie where they are while others move the mean.
+        """
+        if self.grains is None:
+            return mean
+        if np.abs(mean - self._shift).max() > _SHIFT_STAYS * self.quantum:
+            self._shift = np.round(mean / self.quantum) * self.quantum
+        return self._shift
+
+    def _flow(self, flow: Flow, filled: PointFrames) -> tuple[bytes, Array]:
+        """How far matter has flowed, written, and of which Gaussians (N,) anything is left to be seen."""
+        exact = PackedGrains.numbers_of(flow)
+        written, numbers = self._flows.write(
+            lambda foretold: PackedGrains.near_enough(foretold, exact, flow.chosen, filled.followed)
+        )
+        return written, PackedGrains.left(numbers, filled.labels) > 0
+
+
+def _seen(filled: PointFrames, shown: Array, chosen: Array) -> Array:
+    """Which points (P,) tell where what is seen is: Gaussians shown, (N,), and grains of chosen points, (C,)."""
+    followed = np.unique(filled.labels[shown])
+    needed = np.zeros(len(filled.points), dtype=bool)
+    needed[followed], needed[filled.neighbours[followed]], needed[chosen] = True, True, True
+    return needed

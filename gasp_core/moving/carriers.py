@@ -91,10 +91,12 @@ def _of_points(carrier: PointFrames, order: Array) -> dict[str, bytes]:
     place = np.argsort(carrier.order)[order]
     labels = carrier.labels[place].astype(np.int64)
     labels[:, 1:] -= labels[:, :1]
-    own = np.arange(len(carrier.points))[:, None]
+    # Whom nobody follows needs no map of its own.
+    away = np.zeros(carrier.neighbours.shape, dtype=np.int64)
+    away[carrier.followed] = carrier.neighbours[carrier.followed] - carrier.followed[:, None]
     return {
         "points": carrier.points.astype("<f4").tobytes(),
-        "neighbours": _table_bytes(carrier.neighbours.astype(np.int64) - own),
+        "neighbours": _table_bytes(away),
         "labels": _table_bytes(labels),
         "weights": _weight_bytes(carrier.weights[place]),
     }

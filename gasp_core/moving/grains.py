@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gasp_core.io.activations import colour_to_dc, dc_to_colour
 from gasp_core.moving.integers import decoded, encoded
-from gasp_core.reduction.grains import Grains
+from gasp_core.reduction.grains import Flow, Grains
 
 __all__ = ["COLOURS", "GRAINS", "GrainState", "PackedGrains"]
 
@@ -124,15 +124,41 @@ class PackedGrains:
         )
 
     @staticmethod
-    def numbers_of(grains: Grains, positions: Array) -> Array:
-        """The whole numbers of a frame, (P, 2), whose points are at `positions` (P, 3) [m]."""
-        flow = grains.flow(positions)
-        numbers = np.zeros((len(positions), 2), dtype=np.int64)
+    def numbers_of(flow: Flow) -> Array:
+        """The whole numbers of a frame, (P, 2), in which matter has flowed so far."""
+        numbers = np.zeros((len(flow.share), 2), dtype=np.int64)
         # What has hardly begun to flow is there as well: rounded to nothing it would not be.
         numbers[:, 0] = np.ceil(_FLOW_STEPS * flow.share)
         numbers[:, 1] = np.where(numbers[:, 0] > 0, _BURIED, 0)
         numbers[flow.chosen, 1] = np.round(_FLOW_STEPS * np.clip(flow.wider - 1, 0, 1))
         return numbers
+
+    @staticmethod
+    def near_enough(foretold: Array, numbers: Array, chosen: Array, followed: Array) -> Array:
+        """What is foretold, (P, 2), where nobody sees that it is not the `numbers` (P, 2), these elsewhere.
+
+        A step more or less is not seen, nor how far a point has flowed that is buried and that no Gaussian follows.
+
+        Parameters
+        ----------
+        foretold, numbers : (P, 2)
+        chosen : (C,)
+            The points whose grains are seen.
+        followed : (F,)
+            The points that Gaussians follow.
+        """
+        off = np.abs(foretold - numbers)
+        shown, seen = np.zeros((2, len(numbers)), dtype=bool)
+        shown[chosen], seen[followed] = True, True
+        hidden = (foretold[:, 0] == 0) | (foretold[:, 1] == _BURIED)
+        near = np.where(shown, off.max(axis=1) <= 1, (off[:, 0] <= 1) | ~seen)
+        known = (foretold >= 0).all(axis=1) & (foretold[:, 0] <= _FLOW_STEPS) & (foretold[:, 1] <= _BURIED)
+        return np.where((near & known & (hidden != shown))[:, None], foretold, numbers)
+
+    @staticmethod
+    def left(numbers: Array, labels: Array) -> Array:
+        """What is left of the opacity of each Gaussian, (N,), that follows these points, (N, K)."""
+        return 1 - numbers[:, 0][labels].max(axis=1) / _FLOW_STEPS
 
     def at(self, numbers: Array, positions: Array) -> GrainState:
         """A frame, from its whole numbers (P, 2) and where the points are (P, 3) [m].
@@ -152,7 +178,7 @@ class PackedGrains:
         chosen = np.flatnonzero((numbers[:, 0] > 0) & (numbers[:, 1] < _BURIED))
         wider, count = 1 + numbers[chosen, 1] / _FLOW_STEPS, self.offsets.shape[1]
         return GrainState(
-            left=1 - share[self.labels].max(axis=1),
+            left=self.left(numbers, self.labels),
             means=(positions[chosen, None] + wider[:, None, None] * self.offsets[chosen]).reshape(-1, 3),
             scales=self.scale * np.repeat(wider, count),
             opacities=np.repeat(self.opacities[chosen] * share[chosen], count),

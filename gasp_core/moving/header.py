@@ -19,7 +19,7 @@ HEADER = "motion.json"
 FOLDER = "motion/"
 COLLIDERS = FOLDER + "colliders/"
 FORMAT = "gasp-moving-splat"
-VERSION = 1
+VERSION = 2
 _FREE = "free"
 _MOST_FRAMES = 10**6
 _MOST_BODIES = 1000
@@ -90,6 +90,8 @@ class MotionHeader:
         does not say it.
     camera, colliders
         What a player begins with, and what is solid; for whom it may concern.
+    version
+        Of the format.
     """
 
     frames: int
@@ -103,6 +105,7 @@ class MotionHeader:
     objects: tuple[tuple[int, int], ...] = ()
     camera: Mapping[str, Any] | None = None
     colliders: Sequence[Mapping[str, Any]] = ()
+    version: int = VERSION
 
     def encoded(self) -> bytes:
         """As JSON."""
@@ -111,7 +114,7 @@ class MotionHeader:
         }
         fields["objects"] = [{"first": first, "last": last} for first, last in self.objects]
         bodies = [{name: getattr(body, name) for name in body.__slots__} for body in self.bodies]
-        told = {"format": FORMAT, "version": VERSION, **fields, "bodies": bodies}
+        told = {"format": FORMAT, **fields, "bodies": bodies}
         return json.dumps(told, allow_nan=False, indent=1).encode()
 
     @classmethod
@@ -146,6 +149,7 @@ class MotionHeader:
             objects=_objects(meta),
             camera=None if meta.entries.get("camera") is None else meta.inner("camera").entries,
             colliders=tuple(one.entries for one in colliders),
+            version=meta.integer("version"),
         )
         end = 0
         for body in header.bodies:

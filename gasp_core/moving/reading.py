@@ -24,7 +24,7 @@ from gasp_core.io.memory_limit import refuse_unread
 from gasp_core.io.sog import read_sog_zip
 from gasp_core.moving.bodies import CarriedBody, Corrections, FreeBody, MovingBody, at_rest
 from gasp_core.moving.carriers import carrier_labels, carrier_of
-from gasp_core.moving.frames import FrameReader, decoded_corrections
+from gasp_core.moving.frames import CorrectionReader, FrameReader
 from gasp_core.moving.grains import GrainState, PackedGrains
 from gasp_core.moving.header import COLLIDERS, FOLDER, HEADER, BodyHeader, MotionHeader
 from gasp_core.moving.solids import solids_of
@@ -70,7 +70,7 @@ class MovingSplat:
         self._bodies, self._grains = [body for body, _ in found], [grains for _, grains in found]
         self._held = [self.reference.select(body.rows) for body in self._bodies]
         self.colliders: tuple[Collider, ...] = self._solids()
-        self._readers: list[tuple[FrameReader, FrameReader | None]] = []
+        self._readers: list[tuple[FrameReader, CorrectionReader, FrameReader | None]] = []
         self._block = memoryview(b"")
         self._next = 0
         self._at: tuple[int, list[_BodyFrame]] = (-1, [])
@@ -145,7 +145,11 @@ class MovingSplat:
             self._next = 0
         if self._next == 0:
             self._readers = [
-                (FrameReader(body.numbers), None if grains is None else FrameReader((body.numbers[0], 2)))
+                (
+                    FrameReader(body.numbers),
+                    CorrectionReader(len(body.rows), self.header.version),
+                    None if grains is None else FrameReader((body.numbers[0], 2)),
+                )
                 for body, grains in zip(self._bodies, self._grains)
             ]
         while self._next <= frame:
@@ -258,14 +262,14 @@ class MovingSplat:
             self._block = memoryview(_fetch(self._archive, block_name(block), most * length, self.path))
         found: list[_BodyFrame] = []
         try:
-            for body, (reader, flows) in zip(self._bodies, self._readers):
+            for reader, corrected, flows in self._readers:
                 if len(self._block) < 24:
                     raise ValueError("it is cut off")
                 shift = np.frombuffer(self._block, "<f8", 3)
                 numbers, self._block = reader.read(self._block[24:])
                 if not np.isfinite(shift).all():
                     raise ValueError("a displacement is no number")
-                corrections, self._block = decoded_corrections(self._block, len(body.rows))
+                corrections, self._block = corrected.read(self._block)
                 flow = None
                 if flows is not None:
                     flow, self._block = flows.read(self._block)

@@ -35,6 +35,8 @@ _SCATTER = 0.45
 """Standard deviation of the places of a point's several grains, in distances of points: those of neighbours mix, and no
 point shows as a lump.
 """
+_SCATTERS = 4096
+"""Points after which these places come again: nobody sees it, and a file that lists them compresses to nothing."""
 _OPACITY = 0.95
 """Of a grain of matter that has flowed: two of them hide what is behind."""
 _AROUND = 16
@@ -181,11 +183,11 @@ def grains_of(carrier: PointFrames, gaussians: Gaussians, count: int) -> Grains:
     follows[carrier.order] = carrier.labels
     colours, opacities = _seen_around(points, gaussians, colours_from_outside(gaussians, points[follows].mean(axis=1)))
     shape = (len(points), count, 3)
-    scatter = np.random.default_rng(0).normal(scale=_SCATTER * carrier.spacing, size=shape if count > 1 else 0)
+    scatter = np.random.default_rng(0).normal(scale=_SCATTER * carrier.spacing, size=(_SCATTERS, count, 3))
     return Grains(
         carrier=carrier,
         apart=np.maximum(_apart(points, carrier.neighbours), 1e-3 * carrier.spacing),
-        offsets=(scatter if count > 1 else np.zeros(shape)).astype(np.float32),
+        offsets=(scatter[np.arange(len(points)) % _SCATTERS] if count > 1 else np.zeros(shape)).astype(np.float32),
         colours=colours.astype(np.float32),
         opacities=opacities.astype(np.float32),
         scale=_WIDTH * carrier.spacing / count ** (1 / 3),

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
 
@@ -54,14 +54,12 @@ __all__ = [
     "event_times",
     "gust_of",
     "hardening_of",
-    "hencky_stiffening",
     "limits_of",
     "refuse_unstable_substep",
     "rest_bound",
-    "snow_stiffening",
-    "stiffening",
     "substep_size",
     "substeps_to",
+    "viscous_share",
     "wall_speed",
 ]
 
@@ -73,8 +71,6 @@ _DISTORTION = 0.2
 """|grad v| dt <= 0.2 (after Sun et al. 2020, 10.1111/cgf.14101)."""
 _HARDENED = 0.5
 """xi |grad v| t <= 0.5: no snow becomes stiffer than by a factor e^0.9 within t, tr grad v <= sqrt(3) |grad v|."""
-_GREATEST_EXPONENT = 200.0
-"""Of a growth of stiffness: e^100 times as many steps are too many, whatever the limit, and can still be counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,51 +176,17 @@ def rest_bound(material: Material, spacing: float, *, gradient_share: float = GR
     return bound**2 / (damping + math.hypot(bound, damping)) if damping > 0 else bound
 
 
-def stiffening(deformation_gradients: Array) -> Array:
-    """Factor >= 1, (N,), by which points (N, 3, 3) are stiffer than at rest; a step shrinks by its square root.
-
-    Fixed-corotated stress stiffens as 2 s^2 - s in the largest stretch s, and as 2 J^2 - J in volume. No decomposition
-    is needed for a bound on s: the other two stretches have the product |J|/s, so their squares add up to 2 |J|/s at
-    least, and s is at most the largest root of s^3 - |F|^2 s + 2 |J| = 0 (Viete's form; exact where the two are equal).
-    """
-    stretch, volume_ratio = _largest_stretch(deformation_gradients)
-    stretch = np.maximum(np.maximum(stretch, volume_ratio), 1.0)
-    return 2 * stretch**2 - stretch
-
-
-def _largest_stretch(deformation_gradients: Array) -> tuple[Array, Array]:
-    """Bound on the largest stretch, and |J|, each (N,); see `stiffening`."""
-    volume_ratio = np.abs(np.linalg.det(deformation_gradients))
-    third = np.einsum("nij,nij->n", deformation_gradients, deformation_gradients) / 3
-    # What was crushed to nothing has no scale; that of the floor is still there when it is cubed.
-    scale = np.sqrt(np.maximum(third, 1e-200))
-    # The mean of three squares is never below the geometric one; rounding may say so.
-    angle = np.arccos(-np.minimum(volume_ratio / scale**3, 1.0)) / 3
-    return 2 * scale * np.cos(angle), volume_ratio
-
-
-def hencky_stiffening(deformation_gradients: Array) -> Array:
-    """As `stiffening`, for laws that are linear in the logarithm of the elastic stretches, (N, 3, 3) to (N,).
-
-    tau_i = 2 mu e_i + lambda tr e is as stiff in pressure however far it is stretched. In shear between the axes i and
-    j, d tau_ij = (tau_j - tau_i) (b_j L_ij + b_i L_ji) / (b_j - b_i), b = exp(2 e): on L_ij + L_ji its eigenvalue is
-    2 mu x coth x, x = e_j - e_i (Ogden 1984, "Non-linear elastic deformations", section 6.1.4). With s a bound on the
-    largest stretch, x <= ln(s^3 / |J|).
-    """
-    stretch, volume_ratio = _largest_stretch(deformation_gradients)
-    apart = np.maximum(3 * np.log(stretch) - np.log(np.maximum(volume_ratio, 1e-200)), 1e-9)
-    return apart / np.tanh(apart)
-
-
-def snow_stiffening(log_volume_ratios: Array, hardening: float) -> Array:
-    """Factor >= 1, (N,), by which snow is stiffer than at rest, of ln J_P (N,): exp(xi (1 - J_P))."""
-    return np.exp(np.clip(-hardening * np.expm1(np.minimum(log_volume_ratios, 1.0)), 0.0, _GREATEST_EXPONENT))
-
-
 def hardening_of(problem: PointProblem) -> float:
     """Largest xi of the snow in a problem, 0 without any: d ln(stiffness) = -xi dJ_P, and -dJ_P <= compression."""
     used = [problem.materials[index] for index in np.unique(problem.points.material_ids)]
     return max((material.hardening for material in used if isinstance(material, Snow)), default=0.0)
+
+
+def viscous_share(fluid: Fluid, spacing: float, *, gradient_share: float = GRADIENT_SHARE) -> float:
+    """What of the rate 1 / `rest_bound` of a fluid at rest is its viscosity's, 0..1."""
+    inviscid = replace(fluid, viscosity=0.0)
+    bounds = [rest_bound(each, spacing, gradient_share=gradient_share) for each in (fluid, inviscid)]
+    return 1 - bounds[0] / bounds[1]
 
 
 def refuse_unstable_substep(

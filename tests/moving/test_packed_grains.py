@@ -10,6 +10,7 @@ from gasp_core import MovingSplat, Reduction, pack
 from gasp_core.contract import Fluid, Sand
 from gasp_core.errors import RecordingError
 from gasp_core.moving.grains import PackedGrains
+from gasp_core.moving.packing import _order
 from gasp_core.recording.drawn import DrawnFrames
 
 WATER = Fluid(density=1000, bulk_modulus=1e5)
@@ -34,10 +35,11 @@ def test_grains_are_those_of_the_run(sand):
     spacing = splat.header.bodies[0].spacing
     # Where a grain is: the error of its point, half a step of its place about it, and of its width.
     off = np.linalg.norm(found.means[count:] - wanted.means[count:], axis=1)
-    assert off.max() < 1e-3 + spacing * (2 * np.sqrt(3) / 2 / 32 + 2 / 63)
-    assert np.abs(found.scales[count:] / wanted.scales[count:] - 1).max() <= 0.5 / 63 + 1e-6
-    # A step of how far it has flowed, and half a step of colours on the screen.
-    assert np.abs(found.opacities[count:] - wanted.opacities[count:]).max() <= 1 / 63 + 0.5 / 255
+    assert off.max() < 1e-3 + spacing * (2 * np.sqrt(3) / 2 / 32 + 3 / 63)
+    # Half a step of rounding, and a step that is let stay; the same of how far it has flowed, which is rounded up, and
+    # half a step of colours on the screen.
+    assert np.abs(found.scales[count:] / wanted.scales[count:] - 1).max() <= 1.5 / 63 + 1e-6
+    assert np.abs(found.opacities[count:] - wanted.opacities[count:]).max() <= 2 / 63 + 0.5 / 255
     assert np.abs(found.harmonics[count:] - wanted.harmonics[count:]).max() * 0.2821 <= 0.5 / 255 + 1e-6
 
 
@@ -64,9 +66,25 @@ def test_gaussians_go_as_grains_come(sand):
     for frame in range(recording.frame_count):
         found, wanted = splat.drawn(frame), drawn.splats(frame)
         kept = np.sort(found.opacities[:count])
-        assert np.abs(kept - np.sort(wanted.opacities[:count])).max() <= 1 / 63 + 1 / 255
+        assert np.abs(kept - np.sort(wanted.opacities[:count])).max() <= 2 / 63 + 1 / 255
     assert np.isclose(splat.drawn(0).opacities, splat.splats(0).opacities).all()
     assert (splat.drawn(recording.frame_count - 1).opacities[:count] < 0.01).any()
+
+
+def test_what_is_seen_is_where_it_was_recorded(sand):
+    """Gaussians that have gone are carried by points that nobody minds; those that anything is left of are not."""
+    recording, splat, _ = sand
+    order, _ = _order(recording)
+    count, gone = len(order), 0
+    diagonal = np.linalg.norm(np.ptp(recording.reference.means, axis=0))
+    for frame in range(recording.frame_count):
+        found = splat.drawn(frame)
+        off = np.linalg.norm(found.means[:count] - recording.gaussians(frame).means[order], axis=1)
+        seen = found.opacities[:count] > 0
+        gone += (~seen).sum()
+        # Means of a frame of the run are in float32.
+        assert off[seen].max(initial=0.0) <= 1e-4 * diagonal * (1 + 1e-3)
+    assert gone
 
 
 def test_what_keeps_its_shape_has_none(recorded, tmp_path):

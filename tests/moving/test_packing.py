@@ -192,7 +192,7 @@ def with_header(**changes):
 
 
 BAD = {
-    "of a newer version": (with_header(version=2), "of version 2, this GASP reads up to 1: update GASP"),
+    "of a newer version": (with_header(version=3), "of version 3, this GASP reads up to 2: update GASP"),
     "of another kind": (with_header(format="film"), "of no moving splat"),
     "of no frames": (with_header(frames=0), "frames"),
     "of more frames than there are": (with_header(frames=500), "it is cut off"),

@@ -69,6 +69,24 @@ def test_both_decoders_agree(recorded, ways, decoded, tmp_path, way):
             assert np.percentile(np.abs(carried - wanted).max(axis=(1, 2)) / lengths, 90) <= 1e-3
 
 
+def test_both_decoders_correct_alike(recorded, ways, decoded, tmp_path, monkeypatch):
+    """Some in a frame, and others in the next, which goes on from them."""
+    monkeypatch.setattr("gasp_core.moving.bodies._AXES_MAY_BE_OFF", 1 / 256)
+    pack(recorded(ways["volume"][1]), tmp_path / "a.sog")
+    splat = MovingSplat.open(tmp_path / "a.sog")
+    frames = [*range(len(splat))]
+    size = np.abs(splat.reference.means).max()
+    corrected = []
+    for frame, (places, edges, _) in zip(frames, decoded(splat, frames)):
+        ((rows, simplices),) = splat.simplices(frame)
+        corrected.append(len(splat._at[1][0].corrections.rows))
+        assert np.abs(places[rows] - simplices[:, 0]).max() <= 8 * 2.0**-24 * size
+        wanted = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
+        lengths = splat.reference.scales[rows].max(axis=1)
+        assert (np.abs(edges[rows] - wanted).max(axis=(1, 2)) / lengths).max() <= 1e-4
+    assert len(set(corrected)) > 2 and min(corrected[1:]) > 0
+
+
 def test_rotations_of_any_matrix(node, tmp_path):
     """Of what is inside out too: torn matter is."""
     rng = np.random.default_rng(0)

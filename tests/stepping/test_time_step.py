@@ -40,6 +40,7 @@ from gasp_core.contract import (
 )
 from gasp_core.errors import SceneError
 from gasp_core.stepping.mpm import GRADIENT_SHARE, averaged_lame
+from gasp_core.stepping.stiffening import fluid_stiffening, hencky_stiffening, snow_stiffening, stiffening
 from gasp_core.stepping.time_step import (
     Gust,
     MotionLimits,
@@ -47,13 +48,11 @@ from gasp_core.stepping.time_step import (
     event_times,
     gust_of,
     hardening_of,
-    hencky_stiffening,
     refuse_unstable_substep,
     rest_bound,
-    snow_stiffening,
-    stiffening,
     substep_size,
     substeps_to,
+    viscous_share,
     wall_speed,
 )
 
@@ -250,6 +249,23 @@ def test_snow_stiffens_as_its_law_says_and_its_step_can_always_be_counted() -> N
     factor = float(snow_stiffening(np.array([-9.0]), 1e6)[0])
     assert 1e60 < factor < 1e100
     assert snow_stiffening(np.array([-9.0, 9.0]), 0.0).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("viscosity", [0.0, 0.5, 50.0])
+@given(ratio=st.floats(0.6, 10.0))
+def test_stiffening_covers_pressure_and_viscosity_of_a_fluid(viscosity: float, ratio: float) -> None:
+    """The rates of both, sqrt(J dtau/dJ) of the pressure, and J times the viscosity's at rest."""
+    water, spacing = Fluid(density=1000.0, bulk_modulus=1e5, viscosity=viscosity), 0.02
+    at_rest = 1 / rest_bound(replace(water, viscosity=0.0), spacing)
+    viscous = 1 / rest_bound(water, spacing) - at_rest
+    # tau = -J p: with a = K / 7 it is a (J - J^-6) where J < 1, and nothing beyond.
+    tangent = (ratio + 6 * ratio**-6) / 7 if ratio < 1 else 0.0
+    rate = at_rest * math.sqrt(tangent) + viscous * ratio
+    factor = float(fluid_stiffening(np.array([ratio]), viscous_share(water, spacing))[0])
+    allowed = math.sqrt(factor) / rest_bound(water, spacing)
+    assert rate <= allowed * (1 + 1e-12)
+    # And leaves no more room than a cycle wants: a power of J each way, and what is at rest where it is torn.
+    assert allowed <= (at_rest * max(1.0, ratio**-4) + viscous * ratio) * (1 + 1e-12)
 
 
 def test_steps_are_short_where_snow_hardens_fast() -> None:

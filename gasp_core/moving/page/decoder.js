@@ -556,7 +556,7 @@ export class Motion {
   static async of(files, means, axes, scales) {
     const motion = new Motion();
     const header = JSON.parse(new TextDecoder().decode(await files.get("motion.json")()));
-    if (header.format !== "gasp-moving-splat" || header.version !== 1) {
+    if (header.format !== "gasp-moving-splat" || !(header.version <= 2)) {
       throw new Error(`a moving splat of version ${header.version} is not read here`);
     }
     Object.assign(motion, { header, files, means, axes, scales });
@@ -606,10 +606,7 @@ export class Motion {
   read({ body, carrier, grains }, frame, index) {
     const shift = this.block.doubles(3);
     const numbers = this.foretold(...carrier.shape, frame, index, "numbers");
-    const count = this.block.count();
-    const corrections = count
-      ? { rows: this.block.table(count, 1), numbers: this.block.table(count, 12) }
-      : { rows: [], numbers: [] };
+    const corrections = this.corrections(body, frame, index);
     // Most numbers are small, and all frames stay in memory.
     const small = numbers.every((value) => value === (value << 16) >> 16) ? Int16Array.from(numbers) : numbers;
     const flow = grains ? Uint8Array.from(this.foretold(body.points, 2, frame, index, "flow")) : null;
@@ -625,6 +622,29 @@ export class Motion {
     if (kind === 1) for (let k = 0; k < numbers.length; k++) numbers[k] += last[k];
     if (kind === 2) for (let k = 0; k < numbers.length; k++) numbers[k] += 2 * last[k] - before[k];
     return numbers;
+  }
+
+  /** Rows that are corrected, and by how much; from version 2 on as changes of what they were in the last frame. */
+  corrections(body, frame, index) {
+    const count = this.block.count();
+    if (!count) return { rows: [], numbers: [] };
+    if (this.header.version < 2) return { rows: this.block.table(count, 1), numbers: this.block.table(count, 12) };
+    const changes = this.block.count();
+    const changed = new Set(this.block.table(changes, 1));
+    const numbers = this.block.table(count, 12);
+    const last = frame ? this.frames[frame - 1][index].corrections : { rows: [], numbers: [] };
+    const places = new Map();
+    last.rows.forEach((row, k) => places.set(row, k));
+    const kept = Array.from(last.rows).filter((row) => !changed.has(row));
+    const added = Array.from(changed).filter((row) => !places.has(row));
+    const rows = Int32Array.from([...kept, ...added]).sort();
+    if (rows.length !== count) throw new Error(`frame ${frame} is damaged`);
+    rows.forEach((row, k) => {
+      const at = places.get(row);
+      if (at === undefined) return;
+      for (let i = 0; i < 12; i++) numbers[12 * k + i] += last.numbers[12 * at + i];
+    });
+    return { rows, numbers };
   }
 
   async show(frame) {

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Fluid, Material, Metal, PointProblem, Snow
-from gasp_core.stepping.time_step import hencky_stiffening, snow_stiffening, stiffening
+from gasp_core.stepping.stiffening import hencky_stiffening, snow_stiffening, stiffening
 from gasp_genesis_mpm.particle_state import Motion
 from gasp_genesis_mpm.rest_step import rest_step
 from gasp_genesis_mpm.stiffness_groups import Portion

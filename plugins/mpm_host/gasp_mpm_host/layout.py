@@ -91,7 +91,9 @@ LOOSEST_STRAIN = 19
 """Of sand: ln J at the tip of its cone."""
 STIFFNESS_DAMPING = 20
 """Of elastic matter, in units of time: with it the rate of the mean dilation acts as the mean dilation does."""
-MATERIAL_WIDTH = 21
+VISCOUS_SHARE = 21
+"""Of a fluid, of its rate at rest (`gasp_core.stepping.time_step.viscous_share`)."""
+MATERIAL_WIDTH = 22
 
 KINDS = {
     "elastic": 0,

@@ -18,7 +18,7 @@ from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean
 from gasp_core.stepping.flow import crowding_decay, subgrid_decay
 from gasp_core.stepping.grid import grid_node
 from gasp_core.stepping.mpm import averaged_lame
-from gasp_core.stepping.time_step import rest_bound
+from gasp_core.stepping.time_step import rest_bound, viscous_share
 from gasp_mpm_host import layout as at
 
 __all__ = ["Units", "material_table"]
@@ -85,6 +85,7 @@ def material_table(problem: PointProblem, units: Units) -> Array:
         if isinstance(material, Fluid):
             row[at.LAME] = scale * material.bulk_modulus
             row[at.VISCOSITY] = scale * material.viscosity / units.time
+            row[at.VISCOUS_SHARE] = viscous_share(material, units.spacing)
             continue
         row[at.SHEAR] = scale * getattr(material, "shear_modulus")  # noqa: B009
         averaged = averaged_lame(material)

@@ -13,7 +13,8 @@ from gasp_core.contract import Elastic, Fluid, Foam, Material, Metal, NeoHookean
 from gasp_core.stepping.flow import crowding_decay, is_flowing, subgrid_decay
 from gasp_core.stepping.mpm import averaged_lame
 from gasp_core.stepping.shock import SHOCK_VISCOSITY
-from gasp_core.stepping.time_step import hencky_stiffening, rest_bound, snow_stiffening, stiffening
+from gasp_core.stepping.stiffening import fluid_stiffening, hencky_stiffening, snow_stiffening, stiffening
+from gasp_core.stepping.time_step import rest_bound, viscous_share
 from gasp_core.stepping.tracer_bodies import tracer_bodies
 from gasp_reference_mpm.constitutive import (
     drucker_prager_projection,
@@ -266,8 +267,7 @@ def stable_step(matter: Matter, motion: Motion, spacing: float) -> float:
         deformation = motion.deformations[rows]
         match material:
             case Fluid():
-                # Cole's pressure stiffens with J^-6 under compression; one power more each way leaves room for a cycle.
-                growth = np.maximum(stiffening(deformation), np.linalg.det(deformation) ** -8)
+                growth = fluid_stiffening(deformation[:, 0, 0] ** 3, viscous_share(material, spacing))
             case Metal() | Plasticine() | Foam():
                 growth = hencky_stiffening(deformation)
             case Snow():

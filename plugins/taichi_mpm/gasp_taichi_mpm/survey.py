@@ -66,7 +66,7 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                 else:
                     row = labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                     J = F.determinant()
-                    # `time_step.stiffening` of the core, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
+                    # `stepping.stiffening` of the core, in its words: the largest root of s^3 - |F|^2 s + 2 |J|.
                     scale = ti.sqrt(ti.max(F.norm_sqr() / 3.0, ti.f64(1e-200)))
                     angle = ti.acos(-ti.min(ti.abs(J) / (scale * scale * scale), ti.f64(1.0))) / 3.0
                     longest = 2.0 * scale * ti.cos(angle)
@@ -84,10 +84,12 @@ def make_survey(real: Any, Positions: Any, Points: Any, Ints: Any, Doubles: Any)
                         grown = ti.max(materials[row + at.HARDENING] * pressed, ti.f64(0.0))
                         factor *= ti.exp(ti.min(grown, ti.f64(200.0)))
                     if kind == ti.static(at.KINDS["fluid"]):
-                        # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
+                        # `fluid_stiffening`; F = J^(1/3) I.
                         J = 1.0 + history
-                        stretch = ti.max(J, ti.f64(1.0))
-                        factor = ti.max(2.0 * stretch * stretch - stretch, 1.0 / (J * J * J * J * J * J * J * J))
+                        volume = ti.max(J, ti.f64(1e-30))
+                        pressed = ti.max(ti.f64(1.0), 1.0 / (volume * volume * volume * volume))
+                        viscous = materials[row + at.VISCOUS_SHARE]
+                        factor = ((1.0 - viscous) * pressed + viscous * volume) ** 2
                     stiffness = ti.max(stiffness, factor * materials[row + at.INVERSE_BOUND])
                     speed = ti.max(speed, v.norm_sqr())
                     gradient = ti.max(gradient, C.norm_sqr())

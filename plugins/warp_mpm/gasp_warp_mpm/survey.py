@@ -28,7 +28,7 @@ def make_survey(double: bool, module: Any) -> SimpleNamespace:
     zero, half, one, two, three = (wp.float64(value) for value in (0.0, 0.5, 1.0, 2.0, 3.0))
     unit = wp.mat33d(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     least_square, least_gap = wp.float64(1e-200), wp.float64(1e-9)
-    greatest_exponent = wp.float64(200.0)
+    greatest_exponent, least_volume = wp.float64(200.0), wp.float64(1e-30)
 
     @wp.func
     def wide3(table: Reals, start: int):
@@ -49,8 +49,10 @@ def make_survey(double: bool, module: Any) -> SimpleNamespace:
         return residue == zero
 
     @wp.func
-    def stiffening(kind: int, F: wp.mat33d, J: wp.float64, history: wp.float64, hardening: wp.float64):
-        """`gasp_core.stepping.time_step.stiffening` and its like, in its words.
+    def stiffening(
+        kind: int, F: wp.mat33d, J: wp.float64, history: wp.float64, hardening: wp.float64, viscous: wp.float64
+    ):
+        """`gasp_core.stepping.stiffening`, in its words.
 
         The stretch is bounded by the largest root of s^3 - |F|^2 s + 2 |J|.
         """
@@ -69,11 +71,11 @@ def make_survey(double: bool, module: Any) -> SimpleNamespace:
             pressed = one - wp.exp(wp.min(history, one))
             factor *= wp.exp(wp.min(wp.max(hardening * pressed, zero), greatest_exponent))
         if kind == is_fluid:
-            # F = J^(1/3) I; Cole's pressure stiffens with J^-6, one power more each way leaves room.
-            volume = one + history
-            stretch = wp.max(volume, one)
-            fourth = volume * volume * volume * volume
-            factor = wp.max(two * stretch * stretch - stretch, one / (fourth * fourth))
+            # `fluid_stiffening`; F = J^(1/3) I.
+            volume = wp.max(one + history, least_volume)
+            pressed = wp.max(one, one / (volume * volume * volume * volume))
+            rate = (one - viscous) * pressed + viscous * volume
+            factor = rate * rate
         return factor
 
     @wp.kernel(module=module, enable_backward=False)
@@ -101,7 +103,9 @@ def make_survey(double: bool, module: Any) -> SimpleNamespace:
                 row = s.labels[p * at.LABEL_WIDTH + at.MATERIAL] * at.MATERIAL_WIDTH
                 kind = int(s.materials[row + at.KIND])
                 J = wp.determinant(F)
-                factor = stiffening(kind, F, J, history, s.materials[row + at.HARDENING])
+                factor = stiffening(
+                    kind, F, J, history, s.materials[row + at.HARDENING], s.materials[row + at.VISCOUS_SHARE]
+                )
                 if kind == is_fluid:
                     J = one + history
                 stiffness = wp.max(stiffness, factor * s.materials[row + at.INVERSE_BOUND])
