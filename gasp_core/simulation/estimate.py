@@ -45,8 +45,8 @@ _FRAMES = 6
 _LATER = 2.0
 """Substeps of a whole run over those that it would take if all went on as it begins: matter that is hit, stretched or
 fast wants smaller ones. It was 1.4 to 3.3 in the elastic scenes of benchmarks/run_estimates.py."""
-_LATER_OF: Mapping[type[Material], float] = {Fluid: 7.0, Sand: 1.3}
-"""The same of what is otherwise: 10 for a splash of water, 1.1 for sand there."""
+_LATER_OF: Mapping[type[Material], float] = {Fluid: 3.0, Sand: 1.3}
+"""The same of what is otherwise: 3.1 for a splash of water, 1.1 for sand there."""
 EITHER_WAY = 2.0
 """Factor by which an estimate may be off."""
 
