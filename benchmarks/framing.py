@@ -64,6 +64,9 @@ EXAMPLES = (
     "vibrating_bar",
     "potted_plant",
     "swaying_plant",
+    "dancer",
+    "shaken_pot",
+    "tumbling_pot",
 )
 
 
