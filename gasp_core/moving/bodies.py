@@ -192,13 +192,12 @@ class Corrections:
             turned = np.take_along_axis(along, seen, axis=1).max(axis=1) > _AXES_MAY_BE_OFF * AXIS_STEPS
             return turned | (np.linalg.norm(lacking[:, :3], axis=1) * quantum > allowed)
 
-        numbers = np.round(lacking).astype(np.int64)
         needed = off(lacking, seen)
         same = ~off(lacking[last.rows] - last.numbers, seen[last.rows])
-        numbers[last.rows[same]] = last.numbers[same]
-        needed[last.rows[same]] = True
+        kept = last.rows[same]
+        needed[kept], lacking[kept] = True, last.numbers[same]
         rows = np.flatnonzero(needed & shown)
-        return cls(rows=rows, numbers=numbers[rows])
+        return cls(rows=rows, numbers=np.round(lacking[rows]).astype(np.int64))
 
     def applied(self, simplices: Array, held: Gaussians, quantum: float) -> Array:
         """The simplices (N, 4, 3) [m] without what they are off by."""

@@ -147,7 +147,8 @@ class BodyWriter:
 
 def _seen(filled: PointFrames, shown: Array, chosen: Array) -> Array:
     """Which points (P,) tell where what is seen is: Gaussians shown, (N,), and grains of chosen points, (C,)."""
-    followed = np.unique(filled.labels[shown])
-    needed = np.zeros(len(filled.points), dtype=bool)
-    needed[followed], needed[filled.neighbours[followed]], needed[chosen] = True, True, True
+    followed = np.zeros(len(filled.points), dtype=bool)
+    followed[filled.labels[shown]] = True
+    needed = followed.copy()
+    needed[filled.neighbours[followed]], needed[chosen] = True, True
     return needed

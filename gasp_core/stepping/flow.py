@@ -5,14 +5,13 @@ One lets it go where it goes whatever the step is, one keeps the volume of what 
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gasp_core.contract import Elastic, Fluid, Material, NeoHookean, PointProblem
-from gasp_core.stepping.time_step import rest_bound
+from gasp_core.stepping.time_step import inviscid_bound, rest_bound
 
 __all__ = [
     "CROWDED_VOLUME_RATIO",
@@ -95,7 +94,7 @@ def subgrid_decay(material: Material, spacing: float) -> float:
     if not is_flowing(material):
         return 0.0
     if isinstance(material, Fluid):
-        return FLUID_SUBGRID_DECAY / _inviscid_bound(material, spacing)
+        return FLUID_SUBGRID_DECAY / inviscid_bound(material, spacing)
     return SUBGRID_DECAY / rest_bound(material, spacing)
 
 
@@ -119,12 +118,8 @@ def crowding_decay(problem: PointProblem, index: int, spacing: float) -> float:
     own = points.material_ids == index
     if bool(np.isin(points.body_ids[~own], points.body_ids[own]).any()):
         return 0.0
-    return CROWDING_DECAY / _inviscid_bound(material, spacing)
-
-
-def _inviscid_bound(material: Fluid, spacing: float) -> float:
-    """The stable step [s] that its pressure alone would bear: what is viscous steps for longer, and loses no more."""
-    return rest_bound(dataclasses.replace(material, viscosity=0.0), spacing)
+    # What is viscous steps for longer, and loses no more.
+    return CROWDING_DECAY / inviscid_bound(material, spacing)
 
 
 def wall_share(distances: NDArray[Any]) -> NDArray[Any]:

@@ -54,6 +54,7 @@ __all__ = [
     "event_times",
     "gust_of",
     "hardening_of",
+    "inviscid_bound",
     "limits_of",
     "refuse_unstable_substep",
     "rest_bound",
@@ -182,11 +183,14 @@ def hardening_of(problem: PointProblem) -> float:
     return max((material.hardening for material in used if isinstance(material, Snow)), default=0.0)
 
 
-def viscous_share(fluid: Fluid, spacing: float, *, gradient_share: float = GRADIENT_SHARE) -> float:
+def inviscid_bound(fluid: Fluid, spacing: float) -> float:
+    """The stable step [s] at rest that a fluid's pressure alone would bear."""
+    return rest_bound(replace(fluid, viscosity=0.0), spacing)
+
+
+def viscous_share(fluid: Fluid, spacing: float) -> float:
     """What of the rate 1 / `rest_bound` of a fluid at rest is its viscosity's, 0..1."""
-    inviscid = replace(fluid, viscosity=0.0)
-    bounds = [rest_bound(each, spacing, gradient_share=gradient_share) for each in (fluid, inviscid)]
-    return 1 - bounds[0] / bounds[1]
+    return 1 - rest_bound(fluid, spacing) / inviscid_bound(fluid, spacing)
 
 
 def refuse_unstable_substep(
